@@ -1,0 +1,79 @@
+# Every goal first sees to the virtual environment, the locked dependencies, the package and libLLVM, and skips what is
+# already there. `make PYTHON=/path/to/python demo` insists on one interpreter.
+
+VENV := .venv
+OUT := out
+PYTHON ?=
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --no-input
+# Names the libLLVM to load where Dr.Jit would not find it by itself; see scripts/ensure_llvm.py.
+WITH_LLVM := . ./$(VENV)/llvm.env &&
+
+CREATED := $(VENV)/.created
+DEPENDENCIES := $(VENV)/.dependencies
+PACKAGE := $(VENV)/.package
+LLVM := $(VENV)/llvm.env
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup demo test test-slow test-all lint bench notebooks lock clean
+
+help: ## list these goals
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{printf "%-18s %s\n", $$1, $$2}'
+
+setup: $(LLVM) ## virtual environment, dependencies, package, libLLVM
+
+demo: setup ## the main job, small: bake, reconstruct, validate; report in out/demo
+	@$(WITH_LLVM) $(BIN)/rsibr demo --out $(OUT)/demo
+	@echo "report: $(OUT)/demo/report.html"
+
+test: setup ## the fast tests
+	@$(WITH_LLVM) $(BIN)/python -m pytest -m "not slow"
+
+test-slow: setup ## the slow tests alone
+	@$(WITH_LLVM) $(BIN)/python -m pytest -m slow
+
+test-all: setup ## every test
+	@$(WITH_LLVM) $(BIN)/python -m pytest
+
+lint: setup ## style, format, types, layers
+	@$(BIN)/ruff check --quiet . && echo "ruff check: clean"
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
+
+# The option stands in pyproject.toml's addopts, and pytest-benchmark refuses it together with --benchmark-only.
+bench: setup ## the benchmarks
+	@$(WITH_LLVM) $(BIN)/python -m pytest -o addopts="-ra --strict-markers --strict-config" tests/benchmarks --benchmark-only
+
+notebooks: setup ## execute the notebooks into out/notebooks
+	@mkdir -p $(OUT)/notebooks
+	@$(WITH_LLVM) $(BIN)/jupyter-execute --output="../$(OUT)/notebooks/{notebook_name}" notebooks/*.ipynb
+
+lock: $(CREATED) ## resolve the dependencies anew into requirements.lock
+	@$(PIP) install uv
+	@sed -n '/^#/p' requirements.lock > $(VENV)/lock
+	@$(BIN)/uv pip compile --quiet --universal --all-extras --python-version 3.11 --upgrade --no-header --no-annotate \
+		--no-emit-index-url --no-emit-find-links pyproject.toml >> $(VENV)/lock
+	@mv $(VENV)/lock requirements.lock
+
+clean: ## remove the virtual environment, the outputs and every cache
+	@rm -rf $(VENV) $(OUT) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .benchmarks
+	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(CREATED): scripts/create_venv.sh
+	@sh scripts/create_venv.sh $(VENV) $(PYTHON)
+	@touch $@
+
+$(DEPENDENCIES): requirements.lock $(CREATED)
+	@echo "dependencies: installing requirements.lock"
+	@$(PIP) install -r requirements.lock
+	@touch $@
+
+$(PACKAGE): pyproject.toml $(DEPENDENCIES)
+	@echo "package: installing rsibr"
+	@$(PIP) install --no-deps --editable .
+	@touch $@
+
+$(LLVM): scripts/ensure_llvm.py $(PACKAGE)
+	@$(BIN)/python scripts/ensure_llvm.py $@

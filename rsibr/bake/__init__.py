@@ -1,0 +1,1 @@
+"""Radiance sphere maps by direct lighting, and their store on disk."""

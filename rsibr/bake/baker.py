@@ -1,0 +1,223 @@
+"""Bakes a config: every view, in blocks of samples, into a directory that survives being killed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import rsibr
+from rsibr import backend
+from rsibr.bake.integrator import SphereIntegrator
+from rsibr.bake.manifest import EnvironmentRecord, Manifest, MaterialRecord
+from rsibr.bake.map_file import MapFile
+from rsibr.bake.store import Bake, BakeWriter, open_bake
+from rsibr.geometry.frame import view_frame
+from rsibr.geometry.viewpoints import Viewpoints
+from rsibr.scene.config import Config, load_config
+from rsibr.scene.environment import Environment, load_environment
+from rsibr.scene.material import Material, load_material
+from rsibr.scene.views import load_viewpoints
+
+MAX_BLOCKS = 16
+"""Independent blocks a view: their spread is the variance of the mean. Not more, for samples are stratified only within
+a block and the blocks of a view are held in memory together."""
+
+LEAST_BLOCK = 4
+"""Samples a texel in a block below which there are rather fewer blocks."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a bake has come.
+
+    Attributes
+    ----------
+    views_done, views : int
+        Views finished, and in all.
+    blocks_done, blocks : int
+        Blocks of the view at work, finished and in all.
+    """
+
+    views_done: int
+    views: int
+    blocks_done: int
+    blocks: int
+
+
+def bake(
+    config: Config | Path | str,
+    *,
+    out: Path | str,
+    overrides: Sequence[str] = (),
+    fresh: bool = False,
+    on_progress: Callable[[Progress], None] = lambda _: None,
+) -> Bake:
+    """Bake the radiance sphere maps of all views.
+
+    A bake that was killed goes on where it was and ends bit-identical to one that never was.
+
+    Parameters
+    ----------
+    config : Config or path
+        What to bake; a path to a TOML file, or a config already read.
+    out : path
+        Directory of the bake, by custom `NAME.rsibr`. Made if need be.
+    overrides : sequence of str
+        `key=value` pairs that override keys of the config file, as `--set` does.
+    fresh : bool
+        Start anew where `out` holds a bake of another config, or a damaged one.
+    on_progress : callable
+        Called after each block and each view.
+
+    Returns
+    -------
+    Bake
+        The finished bake, opened and checked.
+
+    Raises
+    ------
+    InputError
+        If the config, the environment, the material or the views are wrong.
+    BakeError
+        If `out` holds something else, a bake of another config, or one that another process is writing.
+    MachineError
+        If the machine has no usable backend, or the disk is full.
+    """
+    settings = config if isinstance(config, Config) else load_config(Path(config), overrides)
+    variant = backend.use()
+    environment, material = load_environment(settings.environment), load_material(settings.material)
+    viewpoints = load_viewpoints(settings.views)
+    manifest = plan_manifest(settings, environment, material, viewpoints, variant)
+    with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer:
+        _bake_views(writer, settings, environment, material, viewpoints.directions, on_progress)
+    return open_bake(Path(out))
+
+
+def plan_manifest(
+    config: Config, environment: Environment, material: Material, viewpoints: Viewpoints, variant: str
+) -> Manifest:
+    """Manifest of the bake before its first view: everything that fixes its bits."""
+    packages = {name: version(name) for name in ("mitsuba", "drjit", "numpy", "OpenEXR")} | {"rsibr": rsibr.__version__}
+    settings = config.model_dump(mode="json", exclude_none=True)
+    return Manifest.planned(
+        config=settings,
+        identity={
+            "config": {key: settings[key] for key in ("map", "sampling")},
+            "environment": {"name": environment.name, "content": environment.digest},
+            "material": {"name": material.name, "content": material.digest},
+            "packages": {name: packages[name] for name in ("mitsuba", "drjit", "rsibr")},
+            "variant": variant,
+        },
+        packages=packages,
+        variant=variant,
+        environment=EnvironmentRecord(name=environment.name, clipped=environment.clipped, lowest=environment.lowest),
+        material=MaterialRecord(name=material.name, warp=material.warp),
+        resolution=config.map.resolution,
+        directions=viewpoints.directions,
+        triangles=viewpoints.triangles,
+    )
+
+
+def _bake_views(
+    writer: BakeWriter,
+    config: Config,
+    environment: Environment,
+    material: Material,
+    directions: NDArray[np.float64],
+    on_progress: Callable[[Progress], None],
+) -> None:
+    pending = writer.pending
+    if not pending:
+        return
+    integrator = SphereIntegrator(environment.emitter(), material.bsdf(), config.map.resolution)
+    blocks = block_sizes(config.sampling.samples)
+    done = len(directions) - len(pending)
+    for finished, index in enumerate(pending, start=done):
+        start = time.perf_counter()
+
+        def report(block: int, views_done: int = finished) -> None:
+            on_progress(Progress(views_done, len(directions), block, len(blocks)))
+
+        frame = view_frame(directions[index])
+        baked = bake_view(integrator, frame, blocks, seed=config.sampling.seed, index=index, on_block=report)
+        writer.commit(index, baked, time.perf_counter() - start)
+    on_progress(Progress(len(directions), len(directions), 0, len(blocks)))
+
+
+def bake_view(
+    integrator: SphereIntegrator,
+    frame: NDArray[np.float64],
+    blocks: Sequence[int],
+    *,
+    seed: int,
+    index: int,
+    on_block: Callable[[int], None] = lambda _: None,
+) -> MapFile:
+    """Bake one view: a pure function of the scene, the view and the seed.
+
+    Parameters
+    ----------
+    integrator : SphereIntegrator
+        Scene and resolution.
+    frame : ndarray, shape (3, 3)
+        Frame of the map.
+    blocks : sequence of int
+        Samples a texel of each block, at least two blocks of equal size; see `block_sizes`.
+    seed, index : int
+        Root of the seed tree, and the view's branch of it.
+    on_block : callable
+        Called with the count of blocks done.
+
+    Returns
+    -------
+    MapFile
+        Mean over the blocks and the variance of that mean.
+    """
+    means = []
+    for block, samples in enumerate(blocks):
+        means.append(integrator.block(frame, samples, np.random.SeedSequence(seed, spawn_key=(index, block))))
+        on_block(block + 1)
+    mean, variance = merge(means)
+    return MapFile(
+        view=frame[:, 2].copy(),
+        frame=frame,
+        layers={"radiance": integrator.image(mean)},
+        variance=integrator.image(variance),
+        coverage=integrator.coverage,
+    )
+
+
+def merge(means: Iterable[NDArray[np.float32]]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Mean of equally large independent blocks, and the variance of that mean.
+
+    Parameters
+    ----------
+    means : iterable of ndarray, shape (T, 3)
+        Block means in the order of the blocks, whatever order they were rendered in.
+
+    Returns
+    -------
+    mean, variance : ndarray, shape (T, 3), float32
+        The variance estimate has (blocks − 1) degrees of freedom.
+    """
+    stacked = np.stack(list(means)).astype(np.float64)
+    variance = stacked.var(axis=0, ddof=1) / len(stacked)
+    return stacked.mean(axis=0).astype(np.float32), variance.astype(np.float32)
+
+
+def block_sizes(samples: int) -> list[int]:
+    """Split the samples of a texel into independent blocks of equal size.
+
+    Parameters
+    ----------
+    samples : int
+        Samples a texel, at least 2. Rounded up to a multiple of the count of blocks.
+    """
+    count = max(2, min(MAX_BLOCKS, samples // LEAST_BLOCK))
+    return [-(-samples // count)] * count

@@ -1,0 +1,318 @@
+"""The manifest of a bake: what was asked for, what it was made with, and which views are done.
+
+`manifest.json` is the last word: a map that it does not call done does not count, whatever lies in the directory.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from rsibr.bake.atomic import checksum, read_bytes, write_atomic
+from rsibr.errors import BakeError
+
+MANIFEST_NAME = "manifest.json"
+MAPS_NAME = "maps"
+SCHEMA_VERSION = 1
+
+_MAXIMUM_DIFFERENCES = 8
+_LONGEST_VALUE = 60
+_SHA256 = r"^[0-9a-f]{64}$"
+
+Vector = tuple[float, float, float]
+Triangle = tuple[int, int, int]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class EnvironmentRecord(_Record):
+    """What is to be known about the environment: its name, its clipped negative values, the lowest of them."""
+
+    name: str
+    clipped: int = Field(0, ge=0)
+    lowest: float = 0.0
+
+
+class MaterialRecord(_Record):
+    """What is to be known about the material: its name and the warp that suits its lobe."""
+
+    name: str
+    warp: Literal["mirror", "normal"]
+
+
+class ViewState(_Record):
+    """One view of the bake, and its file once that is done.
+
+    Attributes
+    ----------
+    index : int
+        Place of the view in `Manifest.directions`.
+    view : tuple of float
+        Unit vector from the surface to the viewer, in world coordinates.
+    file : str
+        Path of the map inside the bake's directory.
+    sha256, bytes, seconds
+        Checksum and size [bytes] of the file, time that the view took to bake [s]; None until done.
+    done : bool
+        Whether the file is there, whole.
+    """
+
+    index: int = Field(ge=0)
+    view: Vector
+    file: str
+    sha256: str | None = Field(None, pattern=_SHA256)
+    seconds: float | None = Field(None, ge=0.0)
+    bytes: int | None = Field(None, ge=0)
+    done: bool = False
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if self.file != map_name(self.index):  # also keeps a forged manifest from pointing out of the directory
+            raise ValueError(f"view {self.index} has the file {self.file}")
+        known = [value is not None for value in (self.sha256, self.seconds, self.bytes)]
+        if not (all(known) if self.done else not any(known)):
+            raise ValueError(f"view {self.index} has checksum, seconds and bytes if and only if it is done")
+        return self
+
+    def pending(self) -> ViewState:
+        """Return the same view with nothing done."""
+        return ViewState(index=self.index, view=self.view, file=self.file)
+
+    def finished(self, sha256: str, seconds: float, size: int) -> ViewState:
+        """Return the same view with its file: checksum, time it took [s], size [bytes]."""
+        return ViewState(
+            index=self.index, view=self.view, file=self.file, sha256=sha256, seconds=seconds, bytes=size, done=True
+        )
+
+
+class Manifest(_Record):
+    """All that a bake knows of itself besides the pixels.
+
+    Attributes
+    ----------
+    schema_version : int
+        Version of this schema.
+    config, config_hash
+        The whole configuration as JSON holds it, seeds included, and the SHA-256 of its canonical form.
+    identity : dict
+        Everything that fixes the bits of the maps: two bakes with equal identity, directions, triangles and resolution
+        are bit-identical.
+    packages : dict of str to str
+        Versions of the packages that the bake was made with.
+    variant : str
+        Mitsuba variant.
+    environment, material
+        What is to be known about them, for reports.
+    resolution : int
+        Texels along each side of a map.
+    directions : tuple of vectors
+        Unit view vectors, in world coordinates.
+    triangles : tuple of index triples
+        Triangulation of the directions, counter-clockwise seen from outside.
+    views : tuple of ViewState
+        State of each view, in the order of the directions.
+    """
+
+    schema_version: Literal[1] = SCHEMA_VERSION
+    config: dict[str, Any]
+    config_hash: str = Field(pattern=_SHA256)
+    identity: dict[str, Any]
+    packages: dict[str, str]
+    variant: str
+    environment: EnvironmentRecord
+    material: MaterialRecord
+    resolution: int = Field(ge=1)
+    directions: tuple[Vector, ...] = Field(min_length=1)
+    triangles: tuple[Triangle, ...]
+    views: tuple[ViewState, ...]
+
+    @classmethod
+    def planned(
+        cls,
+        *,
+        config: Mapping[str, Any],
+        identity: Mapping[str, Any],
+        packages: Mapping[str, str],
+        variant: str,
+        environment: EnvironmentRecord,
+        material: MaterialRecord,
+        resolution: int,
+        directions: ArrayLike,
+        triangles: ArrayLike,
+    ) -> Manifest:
+        """Manifest of a bake of which nothing is done yet.
+
+        Parameters
+        ----------
+        config, identity : mapping
+            What JSON can hold: dicts with string keys, lists, strings, finite numbers, booleans, None.
+        packages, variant, environment, material, resolution
+            See the class.
+        directions : array_like, shape (V, 3)
+            Unit view vectors.
+        triangles : array_like of int, shape (M, 3)
+            Indices into `directions`.
+
+        Raises
+        ------
+        ValueError
+            If a number is not finite or an index out of range.
+        TypeError
+            If `config` or `identity` holds an object that JSON does not know.
+        """
+        rows = [(float(x), float(y), float(z)) for x, y, z in np.asarray(directions, np.float64)]
+        plain_config = json.loads(_canonical(config))
+        return cls(
+            config=plain_config,
+            config_hash=checksum(_canonical(plain_config)),
+            identity=json.loads(_canonical(identity)),
+            packages=dict(sorted(packages.items())),
+            variant=variant,
+            environment=environment,
+            material=material,
+            resolution=resolution,
+            directions=tuple(rows),
+            triangles=tuple((int(i), int(j), int(k)) for i, j, k in np.asarray(triangles, np.int64)),
+            views=tuple(ViewState(index=i, view=row, file=map_name(i)) for i, row in enumerate(rows)),
+        )
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if [(state.index, state.view) for state in self.views] != list(enumerate(self.directions)):
+            raise ValueError("the views are not the directions, in their order")
+        if any(not 0 <= corner < len(self.directions) for triangle in self.triangles for corner in triangle):
+            raise ValueError("a triangle names a view that does not exist")
+        if self.config_hash != checksum(_canonical(self.config)):
+            raise ValueError("config_hash is not the hash of the config")
+        return self
+
+    @property
+    def pending(self) -> list[int]:
+        """Indices of the views that are not done, ascending."""
+        return [state.index for state in self.views if not state.done]
+
+    @property
+    def seconds(self) -> float:
+        """Time that the views done so far took to bake [s]."""
+        return sum(state.seconds or 0.0 for state in self.views)
+
+    @property
+    def size(self) -> int:
+        """Size of the maps done so far [bytes]."""
+        return sum(state.bytes or 0 for state in self.views)
+
+    def with_views(self, *states: ViewState) -> Manifest:
+        """Return a copy in which each of `states` stands at its index."""
+        views = list(self.views)
+        for state in states:
+            views[state.index] = state
+        return self.model_copy(update={"views": tuple(views)})
+
+    def differences(self, wanted: Manifest) -> list[str]:
+        """Say what keeps this bake from being continued as `wanted`, key by key: "sampling.samples: 64 → 128"."""
+        old, new = _fixing_the_bits(self), _fixing_the_bits(wanted)
+        keys = [key for key in dict.fromkeys([*old, *new]) if old.get(key, _ABSENT) != new.get(key, _ABSENT)]
+        # Keys of the config are shown as the user writes them, in TOML and behind --set.
+        shown = [
+            f"{key.removeprefix('config.')}: {_show(old.get(key, _ABSENT))} → {_show(new.get(key, _ABSENT))}"
+            for key in keys
+        ]
+        hidden = len(shown) - _MAXIMUM_DIFFERENCES
+        return shown if hidden <= 0 else [*shown[:_MAXIMUM_DIFFERENCES], f"and {hidden} more"]
+
+
+def map_name(index: int) -> str:
+    """Path of the map of view `index` inside the bake's directory."""
+    return f"{MAPS_NAME}/view_{index:04d}.exr"
+
+
+def write_manifest(path: Path, manifest: Manifest) -> None:
+    """Write the manifest to the file `path`, whole or not at all.
+
+    Raises
+    ------
+    MachineError, BakeError
+        If it cannot be written.
+    """
+    write_atomic(path, _file_content(manifest.model_dump(mode="json")))
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Read the manifest file `path` and check that it is as it was written, byte by byte.
+
+    Raises
+    ------
+    BakeError
+        If it cannot be read, is truncated or altered, or is of an unknown schema.
+    """
+    remedy = "bake anew with --fresh"
+    data = read_bytes(path)
+    try:
+        body = json.loads(data)
+        del body["checksum"]
+        version = body["schema_version"]
+        # Our own bytes for the same content: finds a changed checksum, and a changed space as well.
+        whole = data == _file_content(body)
+    except (ValueError, LookupError, TypeError, RecursionError) as error:
+        raise BakeError("is no manifest of a bake, or is truncated", where=str(path), fix=remedy) from error
+    if version != SCHEMA_VERSION:
+        what = f"has schema version {version!r}; this rsibr reads version {SCHEMA_VERSION}"
+        raise BakeError(what, where=str(path), fix=f"{remedy}, or use the rsibr that wrote it")
+    if not whole:
+        raise BakeError("was altered: its checksum does not match", where=str(path), fix=remedy)
+    try:
+        return Manifest.model_validate_json(_canonical(body))
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise BakeError(f"is no valid manifest: {place}: {first['msg']}", where=str(path), fix=remedy) from error
+
+
+_ABSENT = object()
+
+
+def _fixing_the_bits(manifest: Manifest) -> dict[str, Any]:
+    """Everything that two bakes must share for the one to be continued as the other, by dotted key."""
+    geometry = [manifest.directions, manifest.triangles]
+    return {
+        **dict(_flatten(manifest.identity)),
+        "resolution of the maps": manifest.resolution,
+        "number of views": len(manifest.directions),
+        "directions and triangles": checksum(_canonical(geometry)),
+    }
+
+
+def _canonical(value: Any) -> bytes:
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+
+
+def _file_content(body: dict[str, Any]) -> bytes:
+    """Bytes of the file: one key a line, for people and for diffs; the checksum over the canonical form comes last."""
+    content = {**body, "checksum": checksum(_canonical(body))}
+    return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def _flatten(value: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, item in value.items():
+        if isinstance(item, Mapping) and item:
+            yield from _flatten(item, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", item
+
+
+def _show(value: object) -> str:
+    if value is _ABSENT:
+        return "absent"
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    if re.fullmatch(_SHA256, text):
+        return text[:12]
+    return text if len(text) <= _LONGEST_VALUE else f"…{text[1 - _LONGEST_VALUE :]}"

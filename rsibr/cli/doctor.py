@@ -1,0 +1,257 @@
+"""`rsibr doctor`: what this machine offers to a bake, what it lacks, and how to mend that.
+
+Mitsuba is imported inside the functions: an installation that cannot be imported is one of the findings.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import rsibr
+from rsibr.errors import MachineError, RsibrError
+
+PACKAGES = ("mitsuba", "drjit", "numpy", "OpenEXR")
+ROOMY_MEMORY = 2 * 1024**3
+"""Bytes that a bake of twelve maps of 256² stays below."""
+ROOMY_DISK = 1024**3
+"""Bytes that a bake of twelve maps of 1024² stays below."""
+
+TRIAL = """
+import json, time
+import drjit as dr, mitsuba as mi
+from rsibr import backend
+backend.use()
+start = time.perf_counter()
+total = dr.sum(dr.maximum(dr.arange(mi.Float, 1024), 512))[0]
+backend.synchronize()
+assert total == 512 * 512 + sum(range(512, 1024)), total
+print(json.dumps({"seconds": time.perf_counter() - start, "threads": dr.thread_count()}))
+"""
+"""A kernel with the instruction that an old LLVM aborts on, for a process of its own: an abort is then a finding."""
+
+
+@dataclass(frozen=True)
+class Lack:
+    """One thing that keeps rsibr from working here: what, where, how to mend it, and the exit code it stands for."""
+
+    what: str
+    where: str
+    fix: str
+    exit_code: int
+
+    @classmethod
+    def of(cls, error: RsibrError) -> Lack:
+        """Make a finding of an error."""
+        return cls(error.what, error.where, error.fix, error.exit_code)
+
+    def __str__(self) -> str:
+        """Return the one line that a user reads."""
+        return str(RsibrError(self.what, where=self.where, fix=self.fix))
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What `rsibr doctor` found. Sizes in bytes, times in seconds, None for what cannot be known.
+
+    Attributes
+    ----------
+    packages : dict
+        Installed version of each package that fixes the result.
+    backend : dict
+        `variant` and `device` that a bake here uses, whether `cuda` works, `llvm_version` and `llvm_path` as loaded.
+    kernel : dict
+        The trial kernel's `seconds`, compilation included, and Dr.Jit's `threads`; empty where none could run.
+    cache : dict
+        Dr.Jit's kernel cache on disk: `path` and `bytes`.
+    memory, disk : dict
+        `total` and `available`; the disk is the one that holds the working folder.
+    missing : tuple of Lack
+        What keeps rsibr from working here.
+    advice : tuple of str
+        What works but could be better.
+    """
+
+    packages: dict[str, str | None]
+    backend: dict[str, Any]
+    kernel: dict[str, Any]
+    cache: dict[str, Any]
+    memory: dict[str, int | None]
+    disk: dict[str, int]
+    missing: tuple[Lack, ...]
+    advice: tuple[str, ...]
+
+    @property
+    def exit_code(self) -> int:
+        """0 where a bake can run, 3 where the machine lacks something, 2 where a setting of the user's is wrong."""
+        return self.missing[0].exit_code if self.missing else 0
+
+
+def diagnose() -> Diagnosis:
+    """Look at the installation and the machine, and run one small kernel where a backend is usable.
+
+    Returns
+    -------
+    Diagnosis
+        Never raises for what the machine lacks, and outlives a libLLVM that aborts the process.
+    """
+    missing: list[Lack] = []
+    backend: dict[str, Any] = {}
+    kernel: dict[str, Any] = {}
+    try:
+        _look_at_backend(backend)
+        kernel = _run_trial()
+    except RsibrError as error:
+        missing.append(Lack.of(error))
+    cache, memory, usage = _kernel_cache(), _memory(), shutil.disk_usage(Path.cwd())
+    disk = {"total": usage.total, "available": usage.free}
+    packages = {"rsibr": rsibr.__version__} | {name: _installed(name) for name in PACKAGES}
+    advice = tuple(_advice(cache, memory, disk))
+    return Diagnosis(packages, backend, kernel, cache, memory, disk, tuple(missing), advice)
+
+
+def doctor(
+    json_output: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Say what this machine offers and what it lacks: backend, LLVM, device, cache, threads, memory."""
+    diagnosis = diagnose()
+    if json_output:
+        typer.echo(json.dumps({"usable": not diagnosis.missing, **asdict(diagnosis)}))
+    else:
+        _print(diagnosis)
+    raise typer.Exit(diagnosis.exit_code)
+
+
+def _look_at_backend(found: dict[str, Any]) -> None:
+    """Fill `found` as far as it goes; raises where rsibr would refuse to run."""
+    try:
+        from rsibr import backend
+    except ImportError as error:
+        wanted = " ".join(
+            f"'{line}'" for line in metadata.requires("rsibr") or () if line.startswith(("mitsuba", "drjit"))
+        )
+        raise MachineError(f"Mitsuba cannot be imported: {error}", fix=f"run `pip install {wanted}`") from error
+    report = backend.inspect()
+    version = ".".join(map(str, report.llvm_version)) if report.llvm_version else None
+    found |= {"variant": None, "device": None, "cuda": bool(report.cuda)}
+    found |= {"llvm_version": version, "llvm_path": _loaded_llvm() or report.llvm_path}
+    found["variant"] = backend.use()
+    found["device"] = next(device for device, variant in backend.VARIANT_OF.items() if variant == found["variant"])
+
+
+def _loaded_llvm() -> str | None:
+    """Return the path of the libLLVM in this process, where the system lets us see it (Linux)."""
+    maps = Path("/proc/self/maps")
+    if not maps.is_file():
+        return None
+    paths = (line.split(maxsplit=5)[-1] for line in maps.read_text().splitlines())
+    return next((path for path in paths if Path(path).name.startswith("libLLVM")), None)
+
+
+def _run_trial() -> dict[str, Any]:
+    try:
+        done = subprocess.run([sys.executable, "-c", TRIAL], capture_output=True, text=True, timeout=120, check=False)
+    except subprocess.TimeoutExpired as error:
+        raise MachineError(
+            "a trial kernel did not end within 120 s", fix="look at what else the machine runs"
+        ) from error
+    if done.returncode != 0:
+        last = next(reversed(done.stderr.strip().splitlines()), f"exit code {done.returncode}")
+        raise MachineError(f"a trial kernel failed: {last}", fix="try another libLLVM through DRJIT_LIBLLVM_PATH")
+    kernel: dict[str, Any] = json.loads(done.stdout)
+    return kernel
+
+
+def _installed(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _kernel_cache() -> dict[str, Any]:
+    """Find the folder as Dr.Jit does: DRJIT_CACHE_DIR, else ~/.drjit, else no cache at all."""
+    home = os.environ.get("HOME")
+    path = os.environ.get("DRJIT_CACHE_DIR") or (f"{home}/.drjit" if home else None)
+    size = 0
+    for file in Path(path).glob("*") if path else ():
+        with suppress(FileNotFoundError):  # another process may clear it meanwhile
+            size += file.stat().st_size
+    return {"path": path, "bytes": size}
+
+
+def _memory() -> dict[str, int | None]:
+    """Read the machine's memory, or the smaller share that a container is allowed."""
+    total, available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), None
+    if (info := Path("/proc/meminfo")).is_file():
+        kib = {key: int(rest.split()[0]) for key, rest in (line.split(":") for line in info.read_text().splitlines())}
+        available = kib["MemAvailable"] * 1024
+    group = Path("/sys/fs/cgroup")
+    if (
+        available is not None
+        and (limit := group / "memory.max").is_file()
+        and (text := limit.read_text().strip()) != "max"
+    ):
+        total = min(total, int(text))
+        available = min(available, total - int((group / "memory.current").read_text()))
+    return {"total": total, "available": available}
+
+
+def _advice(cache: dict[str, Any], memory: dict[str, int | None], disk: dict[str, int]) -> Iterator[str]:
+    if cache["path"] is None:
+        yield "HOME is unset, so Dr.Jit keeps no compiled kernels: set DRJIT_CACHE_DIR"
+    elif Path(cache["path"]).exists() and not os.access(cache["path"], os.W_OK):
+        yield f"{cache['path']} is not writable, so Dr.Jit keeps no compiled kernels: set DRJIT_CACHE_DIR"
+    if memory["available"] is not None and memory["available"] < ROOMY_MEMORY:
+        yield f"only {_gib(memory['available'])} of memory are free: large maps may not fit"
+    if disk["available"] < ROOMY_DISK:
+        yield f"only {_gib(disk['available'])} of disk are free here: give `--out` a folder with more"
+
+
+def _gib(size: int | None) -> str:
+    return "unknown" if size is None else f"{size / 1024**3:.1f} GiB"
+
+
+def _print(diagnosis: Diagnosis) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="bold")
+    table.add_column(overflow="fold")
+    for label, value in _rows(diagnosis):
+        table.add_row(label, value)
+    console = Console(highlight=False)
+    console.print(table)
+    for lack in diagnosis.missing:
+        console.print(f"missing: {lack}", style="red", markup=False, soft_wrap=True)
+    for line in diagnosis.advice:
+        console.print(f"advice: {line}", style="yellow", markup=False, soft_wrap=True)
+    if not diagnosis.missing:
+        console.print("ready: nothing is missing", style="green")
+
+
+def _rows(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
+    backend, kernel = diagnosis.backend, diagnosis.kernel
+    yield "python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"
+    yield "packages", ", ".join(f"{name} {version or 'not installed'}" for name, version in diagnosis.packages.items())
+    yield "variant", f"{backend.get('variant') or 'none'}"
+    yield "CUDA", "works" if backend.get("cuda") else "no device"
+    yield "libLLVM", f"{backend.get('llvm_version') or 'not found'}  {backend.get('llvm_path') or ''}".strip()
+    trial = f"ran in {1e3 * kernel['seconds']:.1f} ms on {kernel['threads']} threads" if kernel else "not run"
+    yield "trial kernel", f"{trial} ({os.cpu_count()} CPUs)"
+    yield "kernel cache", f"{diagnosis.cache['path'] or 'none'}  {diagnosis.cache['bytes'] / 1024**2:.0f} MiB"
+    for label, sizes in (("memory", diagnosis.memory), ("disk", diagnosis.disk)):
+        yield label, f"{_gib(sizes['available'])} free of {_gib(sizes['total'])}"

@@ -1,0 +1,1 @@
+"""Pure Dr.Jit mathematics on the sphere: no scene, no file."""

@@ -1,0 +1,120 @@
+"""Orthonormal frames: the camera's, and the least rotation between two views."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rsibr.errors import InputError
+
+
+def unit_view(view: ArrayLike | Sequence[float]) -> NDArray[np.float64]:
+    """Check and normalise a view direction that a user gave.
+
+    Parameters
+    ----------
+    view : array_like, shape (3,)
+        Direction from the surface to the viewer, of any positive length.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        The unit vector.
+
+    Raises
+    ------
+    InputError
+        If it does not hold three finite numbers, or all three are zero.
+    """
+    try:
+        v = np.asarray(view, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{view!r} is no direction", where="view", fix="give three numbers X,Y,Z") from None
+    if v.shape != (3,) or not np.isfinite(v).all():
+        raise InputError(f"{_shown(v)} is no direction", where="view", fix="give three finite numbers X,Y,Z")
+    largest = float(np.abs(v).max())
+    if largest == 0.0:
+        raise InputError("0,0,0 has no direction", where="view", fix="give a vector of any length but zero")
+    v = v / largest  # first by the largest, lest the square of a tiny or huge component leaves the range
+    return np.asarray(v / np.linalg.norm(v))
+
+
+def view_frame(view: ArrayLike) -> NDArray[np.float64]:
+    """Upright camera frame of a view.
+
+    Parameters
+    ----------
+    view : array_like, shape (3,)
+        Unit direction from the surface to the viewer.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        Columns x (right, horizontal), y (up) and z = view in world coordinates, right-handed. Exactly at a pole, where
+        nothing is upright, x is the world's +X.
+    """
+    z = unit_view(view)
+    horizontal = np.array([z[2], 0.0, -z[0]])  # +Y × z
+    largest = np.abs(horizontal).max()
+    x = np.array([1.0, 0.0, 0.0]) if largest == 0.0 else horizontal / largest
+    x = x / np.linalg.norm(x)
+    y = np.cross(z, x)
+    return np.stack([x, y, z], axis=1)
+
+
+def frame_of(v: mi.Vector3f) -> mi.Matrix3f:
+    """Some orthonormal frame with z = v for each lane: where only the direction counts, not what is upright.
+
+    Parameters
+    ----------
+    v : mi.Vector3f
+        Unit vectors.
+
+    Returns
+    -------
+    mi.Matrix3f
+        Rotations with the columns x, y, v.
+
+    Notes
+    -----
+    Duff et al. (2017): errs by 1.8e-7 at most in float32, poles included, where Frisvad's frame errs by 1.25.
+    """
+    sign = dr.copysign(mi.Float(1), v.z)
+    a = -dr.rcp(sign + v.z)
+    b = v.x * v.y * a
+    x = mi.Vector3f(1 + sign * v.x * v.x * a, sign * b, -sign * v.x)
+    y = mi.Vector3f(b, sign + v.y * v.y * a, -v.y)
+    return mi.Matrix3f(x.x, y.x, v.x, x.y, y.y, v.y, x.z, y.z, v.z)
+
+
+def transported(n: mi.Vector3f, v_from: mi.Vector3f, v_to: mi.Vector3f) -> mi.Vector3f:
+    """Rotate `n` by the least rotation that carries `v_from` to `v_to`.
+
+    Parameters
+    ----------
+    n : mi.Vector3f
+        Vectors to rotate.
+    v_from, v_to : mi.Vector3f
+        Unit vectors.
+
+    Returns
+    -------
+    mi.Vector3f
+        The rotated vectors. Where the two are antipodal the rotation is not unique; the result is finite.
+
+    Notes
+    -----
+    Rodrigues' formula with the axis a = v_from × v_to left unnormalised: n cos + a × n + a (a·n)/(1 + cos).
+    """
+    axis = dr.cross(v_from, v_to)
+    cosine = dr.dot(v_from, v_to)
+    along = dr.dot(axis, n) / dr.maximum(1 + cosine, 1e-7)
+    return n * cosine + dr.cross(axis, n) + axis * along
+
+
+def _shown(v: NDArray[np.float64]) -> str:
+    return ",".join(f"{x:g}" for x in v.ravel()[:4])

@@ -1,0 +1,145 @@
+"""The sphere map: an orthographic picture of the unit sphere, seen from +z of its frame.
+
+Map coordinates are points `p = (x, y)` of the unit disk, x right and y up; texture coordinates are s = x/2 + ½ and
+t = y/2 + ½. In an image of N×N texels the centres lie at (i + ½)/N and row 0 is the top.
+"""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+
+def normal_from_disk(p: mi.Point2f) -> mi.Vector3f:
+    """Surface normal at the map point `p`: g_normal.
+
+    Parameters
+    ----------
+    p : mi.Point2f
+        Points of the unit disk; points outside it are taken radially to the rim.
+
+    Returns
+    -------
+    mi.Vector3f
+        Unit normals in the map's frame, z ≥ 0. Cabral et al. (1999), section 3.3.
+    """
+    q = p * dr.minimum(1, dr.rsqrt(dr.maximum(dr.squared_norm(p), 1e-30)))
+    return mi.Vector3f(q.x, q.y, dr.sqrt(dr.maximum(1 - dr.squared_norm(q), 0)))
+
+
+def disk_from_normal(n: mi.Vector3f) -> mi.Point2f:
+    """Map point with the surface normal `n`: g_normal⁻¹.
+
+    Normals that face away (z < 0) appear in no map; they are taken to the nearest point of the rim.
+
+    Parameters
+    ----------
+    n : mi.Vector3f
+        Unit normals in the map's frame.
+
+    Returns
+    -------
+    mi.Point2f
+        Points of the closed unit disk.
+    """
+    p = mi.Point2f(n.x, n.y)
+    return dr.select(n.z >= 0, p, p * dr.rsqrt(dr.maximum(dr.squared_norm(p), 1e-30)))
+
+
+def reflection_from_disk(p: mi.Point2f) -> mi.Vector3f:
+    """Mirror direction of the view at the map point `p`: g_mirror.
+
+    Parameters
+    ----------
+    p : mi.Point2f
+        Points of the unit disk.
+
+    Returns
+    -------
+    mi.Vector3f
+        Unit directions (2xz, 2yz, 2z² − 1) in the map's frame. Cabral et al. (1999), section 3.3.
+    """
+    n = normal_from_disk(p)
+    return mi.Vector3f(2 * n.x * n.z, 2 * n.y * n.z, 2 * n.z * n.z - 1)
+
+
+def disk_from_reflection(r: mi.Vector3f) -> mi.Point2f:
+    """Map point that mirrors the view into `r`: g_mirror⁻¹.
+
+    Parameters
+    ----------
+    r : mi.Vector3f
+        Unit directions in the map's frame.
+
+    Returns
+    -------
+    mi.Point2f
+        Points of the closed unit disk. At the singularity r = −z the whole rim reflects into the one direction; the
+        answer is then a point of the rim, or the centre of it all where r is −z to the last bit: finite either way.
+
+    Notes
+    -----
+    The paper prints the half vector divided by |r + z|²; its length must be one, so the divisor is |r + z|.
+    With |r + z|² = 2(1 + r_z), 1 + r_z is taken from the lateral part where r_z < 0, which cancels nothing.
+    """
+    lateral = r.x * r.x + r.y * r.y
+    one_plus_z = dr.select(r.z >= 0, 1 + r.z, lateral / (1 - r.z))
+    half_length = dr.rsqrt(dr.maximum(2 * one_plus_z, 1e-30))
+    return mi.Point2f(r.x * half_length, r.y * half_length)
+
+
+def texel_centres(resolution: int) -> mi.Point2f:
+    """Map points of the texel centres of an N×N image, row-major from the top left.
+
+    Parameters
+    ----------
+    resolution : int
+        N, texels a side.
+
+    Returns
+    -------
+    mi.Point2f
+        N² points of the square [−1, 1]².
+    """
+    index = dr.arange(mi.UInt32, resolution * resolution)
+    row, column = index // resolution, index % resolution
+    step = 2.0 / resolution
+    return mi.Point2f((column + 0.5) * step - 1, 1 - (row + 0.5) * step)
+
+
+def texel_coverage(resolution: int) -> NDArray[np.float64]:
+    """Share of each texel's area that lies inside the unit disk, exactly.
+
+    Parameters
+    ----------
+    resolution : int
+        N, texels a side.
+
+    Returns
+    -------
+    ndarray, shape (N, N)
+        Coverage in [0, 1]; it sums to π N²/4.
+    """
+    edges = np.linspace(-1.0, 1.0, resolution + 1)
+    corner = _signed_disk_area(edges[None, :], edges[:, None])
+    area = corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
+    share = np.clip(area[::-1] * (resolution / 2.0) ** 2, 0.0, 1.0)
+    x, y = np.abs(edges), np.abs(edges[::-1])
+    farthest = np.hypot(np.maximum(x[1:], x[:-1])[None, :], np.maximum(y[1:], y[:-1])[:, None])
+    share[farthest <= 1.0] = 1.0
+    share[share < 1e-9] = 0.0  # rounding of texels that touch the disk in a point, if at all
+    return share
+
+
+def _signed_disk_area(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Area of the unit disk inside the rectangle from the origin to (x, y), odd in each coordinate."""
+    sign = np.sign(x) * np.sign(y)
+    x, y = np.broadcast_arrays(np.minimum(np.abs(x), 1.0), np.minimum(np.abs(y), 1.0))
+    chord = np.minimum(np.sqrt(1.0 - y * y), x)  # up to here the rectangle's top lies inside the disk
+
+    def under_arc(u: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 0.5 * (u * np.sqrt(1.0 - u * u) + np.arcsin(u))
+
+    return sign * (chord * y + under_arc(x) - under_arc(chord))

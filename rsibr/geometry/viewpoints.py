@@ -1,0 +1,194 @@
+"""The sphere of views: which directions are stored, and which triangle of them surrounds a new one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rsibr.errors import InputError
+from rsibr.geometry.cap_tree import CapTree
+
+MAX_SUBDIVISION = 5
+"""10 242 views: beyond it the triangles' sides come near the resolution of float32 weights, and no use is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Viewpoints:
+    """Stored view directions and the triangles between them that cover the sphere.
+
+    Attributes
+    ----------
+    directions : ndarray, shape (N, 3)
+        Unit directions from the surface to the viewer, in world coordinates, float64.
+    triangles : ndarray, shape (M, 3)
+        Indices into `directions`, counter-clockwise seen from outside.
+    """
+
+    directions: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.directions)
+
+    @cached_property
+    def tree(self) -> CapTree:
+        """Hierarchy over the triangles for point location, on the device."""
+        return CapTree.build(self.directions[self.triangles])
+
+    @cached_property
+    def device_directions(self) -> mi.Float:
+        """`directions` as a flat device array."""
+        return mi.Float(self.directions.astype(np.float32).ravel())
+
+    @cached_property
+    def device_triangles(self) -> mi.UInt32:
+        """`triangles` as a flat device array."""
+        return mi.UInt32(self.triangles.astype(np.uint32).ravel())
+
+    def direction(self, index: mi.UInt32) -> mi.Vector3f:
+        """Stored direction of the view `index`, one a lane."""
+        return dr.gather(mi.Vector3f, self.device_directions, index)
+
+    def surrounding(self, v: mi.Vector3f) -> mi.Vector3u:
+        """Indices of the three views whose triangle contains `v`.
+
+        Parameters
+        ----------
+        v : mi.Vector3f
+            Unit directions, one a lane.
+
+        Returns
+        -------
+        mi.Vector3u
+            View indices. On an edge or a vertex, any of the triangles that share it.
+        """
+        return dr.gather(mi.Vector3u, self.device_triangles, self.tree.locate(v))
+
+    def nearest(self, v: mi.Vector3f) -> mi.UInt32:
+        """Index of the stored view nearest to `v`; of several equally near ones the first.
+
+        It need not belong to the triangle that surrounds `v`: for 8 to 13 % of directions at subdivisions 1 to 3 the
+        three nearest views are not the surrounding ones.
+        """
+        best, best_cosine, candidate = mi.UInt32(0), mi.Float(-2), mi.UInt32(0)
+        count = dr.opaque(mi.UInt32, len(self))
+
+        def step(
+            candidate: mi.UInt32, best: mi.UInt32, best_cosine: mi.Float
+        ) -> tuple[mi.UInt32, mi.UInt32, mi.Float]:
+            cosine = dr.dot(v, self.direction(candidate))
+            nearer = cosine > best_cosine
+            best = dr.select(nearer, candidate, best)
+            return candidate + 1, best, dr.maximum(cosine, best_cosine)
+
+        _, best, _ = dr.while_loop(
+            state=(candidate, best, best_cosine),
+            cond=lambda candidate, _best, _cosine: candidate < count,
+            body=step,
+            labels=("candidate", "best", "best_cosine"),
+            label="nearest_view",
+        )
+        return best
+
+
+def icosphere(subdivision: int) -> Viewpoints:
+    """Vertices of a subdivided icosahedron: 12, 42, 162, 642, 2562 or 10 242 views.
+
+    Parameters
+    ----------
+    subdivision : int
+        0 (the icosahedron of Cabral et al. (1999), section 3.1) to 5.
+
+    Raises
+    ------
+    InputError
+        If `subdivision` is out of range.
+    """
+    if not 0 <= subdivision <= MAX_SUBDIVISION:
+        raise InputError(f"{subdivision} is no subdivision", where="views.subdivision", fix="give 0 to 5")
+    import trimesh  # noqa: PLC0415  # a third of a second that only this function needs
+
+    mesh = trimesh.creation.icosphere(subdivisions=subdivision)
+    return from_directions(mesh.vertices, mesh.faces)
+
+
+def from_directions(directions: ArrayLike, triangles: ArrayLike | None = None) -> Viewpoints:
+    """Views in directions of the user's own.
+
+    Parameters
+    ----------
+    directions : array_like, shape (N, 3)
+        Directions of any positive length, N ≥ 4, not all in one half of the sphere.
+    triangles : array_like, shape (M, 3), optional
+        Indices of the triangles that cover the sphere, either orientation. By default the convex hull's.
+
+    Raises
+    ------
+    InputError
+        If a direction is zero or not finite, two of them coincide, an index is out of range, or the triangles do not
+        cover the sphere exactly once.
+    """
+    vertices = _unit_directions(directions)
+    faces = _hull(vertices) if triangles is None else _checked_triangles(triangles, len(vertices))
+    corners = vertices[faces]
+    inward = np.linalg.det(corners) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    covered = _solid_angles(vertices[faces]).sum()
+    if not np.isclose(covered, 4 * np.pi, rtol=1e-6):
+        raise InputError(
+            f"the triangles cover {covered / (4 * np.pi):.4f} of the sphere, not 1",
+            where="views",
+            fix="give triangles that cover the sphere exactly once, or leave them out to take the convex hull",
+        )
+    return Viewpoints(vertices, faces)
+
+
+def _unit_directions(directions: ArrayLike) -> NDArray[np.float64]:
+    try:
+        vertices = np.asarray(directions, dtype=np.float64)
+    except (TypeError, ValueError):
+        vertices = np.empty(0)
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) < 4:
+        raise InputError("directions must be a list of at least four [x, y, z]", where="views")
+    lengths = np.linalg.norm(vertices, axis=1)
+    wrong = np.flatnonzero(~np.isfinite(lengths) | (lengths == 0))
+    if len(wrong):
+        raise InputError(f"direction {wrong[0]} is zero or not finite", where="views", fix="give it a direction")
+    vertices = vertices / lengths[:, None]
+    if len(np.unique(vertices.round(6), axis=0)) < len(vertices):
+        raise InputError("two directions coincide", where="views", fix="give each direction once")
+    return vertices
+
+
+def _checked_triangles(triangles: ArrayLike, count: int) -> NDArray[np.int64]:
+    try:
+        faces = np.array(triangles, dtype=np.int64)
+    except (TypeError, ValueError):
+        faces = np.empty(0, dtype=np.int64)
+    if faces.ndim != 2 or faces.shape[1] != 3:
+        raise InputError("triangles must be a list of [i, j, k]", where="views")
+    if faces.min() < 0 or faces.max() >= count:
+        raise InputError(f"a triangle names a direction that is not there (there are {count})", where="views")
+    return faces
+
+
+def _hull(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
+    from scipy.spatial import ConvexHull, QhullError  # noqa: PLC0415  # only this function needs it
+
+    try:
+        return ConvexHull(vertices).simplices.astype(np.int64)
+    except QhullError:
+        raise InputError("the directions lie in one plane", where="views", fix="spread them over the sphere") from None
+
+
+def _solid_angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solid angles [sr] of the triangles (M, 3, 3), on the host in float64; see `spherical.solid_angle`."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    numerator = np.einsum("ij,ij->i", a, np.cross(b - a, c - a))
+    denominator = 1 + (a * b).sum(1) + (b * c).sum(1) + (c * a).sum(1)
+    return 2 * np.arctan2(numerator, denominator)

@@ -1,0 +1,123 @@
+"""The stored maps on the device, ready to be looked up at any point of the disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+
+@dataclass
+class StoredView:
+    """One stored view a lane (or one for all lanes): which map it is, and its frame.
+
+    Attributes
+    ----------
+    index : mi.UInt32
+        Which of the stored maps.
+    x, y, v : mi.Vector3f
+        Columns of its frame in world coordinates: right, up, and the direction to the viewer.
+    """
+
+    index: mi.UInt32
+    x: mi.Vector3f
+    y: mi.Vector3f
+    v: mi.Vector3f
+
+    def to_local(self, direction: mi.Vector3f) -> mi.Vector3f:
+        """World direction in the frame of the stored view: T_s⁻¹."""
+        return mi.Vector3f(dr.dot(self.x, direction), dr.dot(self.y, direction), dr.dot(self.v, direction))
+
+
+@dataclass
+class SourceMaps:
+    """Radiance maps of all stored views.
+
+    Attributes
+    ----------
+    texels : mi.Float
+        RGBA float32 of all maps, flat; A is unused and makes a texel one aligned packet of 16 bytes.
+    frames : mi.Float
+        Frame of each view, nine floats each, columns first: x, y, z in world coordinates.
+    resolution : mi.UInt32
+        Texels a side (opaque: maps of another size need no other kernel).
+    """
+
+    texels: mi.Float
+    frames: mi.Float
+    resolution: mi.UInt32
+
+    @classmethod
+    def from_arrays(
+        cls, radiance: NDArray[np.float32], coverage: NDArray[np.float32], frames: NDArray[np.float64]
+    ) -> SourceMaps:
+        """Put maps on the device.
+
+        Parameters
+        ----------
+        radiance : ndarray, shape (N, H, H, 3)
+            Radiance [W sr⁻¹ m⁻²] with the coverage divided out. Texels without coverage are never read.
+        coverage : ndarray, shape (N, H, H)
+            Share of each texel inside the disk.
+        frames : ndarray, shape (N, 3, 3)
+            Columns x, y, z in world coordinates.
+        """
+        count, resolution = radiance.shape[:2]
+        texels = np.zeros((count, resolution, resolution, 4), dtype=np.float32)
+        for image, covered, texel in zip(radiance, coverage > 0, texels, strict=True):
+            texel[..., :3] = _filled_outward(image, covered)
+        return cls(
+            texels=mi.Float(texels.ravel()),
+            frames=mi.Float(np.swapaxes(frames, 1, 2).astype(np.float32).ravel()),
+            resolution=dr.opaque(mi.UInt32, resolution),
+        )
+
+    def view(self, index: mi.UInt32) -> StoredView:
+        """Look up the frame of the stored view `index`, one a lane."""
+        x, y, v = (dr.gather(mi.Vector3f, self.frames, 3 * index + axis) for axis in range(3))
+        return StoredView(index, x, y, v)
+
+    def fetch(self, view: mi.UInt32, p: mi.Point2f, active: mi.Bool) -> mi.Color3f:
+        """Bilinear lookup in the map of a stored view.
+
+        Parameters
+        ----------
+        view : mi.UInt32
+            Index of the view.
+        p : mi.Point2f
+            Points of the unit disk.
+        active : mi.Bool
+            Lanes to look up; the others get zero.
+
+        Returns
+        -------
+        mi.Color3f
+            Radiance [W sr⁻¹ m⁻²].
+        """
+        half = 0.5 * mi.Float(self.resolution)
+        column, row = (1 + p.x) * half - 0.5, (1 - p.y) * half - 0.5
+        last = mi.Int32(self.resolution) - 2
+        left, top = dr.clip(mi.Int32(dr.floor(column)), 0, last), dr.clip(mi.Int32(dr.floor(row)), 0, last)
+        # The disk ends half a texel beyond the outermost centres: there the nearest texel holds, nothing is extrapolated
+        rightward, downward = dr.clip(column - mi.Float(left), 0, 1), dr.clip(row - mi.Float(top), 0, 1)
+        corner = (view * self.resolution + mi.UInt32(top)) * self.resolution + mi.UInt32(left)
+
+        def texel(offset: mi.UInt32 | int) -> mi.Vector4f:
+            return dr.gather(mi.Vector4f, self.texels, corner + offset, active)
+
+        upper = dr.lerp(texel(0), texel(1), rightward)
+        lower = dr.lerp(texel(self.resolution), texel(self.resolution + 1), rightward)
+        blended = dr.lerp(upper, lower, downward)
+        return mi.Color3f(blended.x, blended.y, blended.z)
+
+
+def _filled_outward(image: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Give each texel outside the disk the value of the nearest one inside, so that no lookup at the rim darkens."""
+    if covered.all():
+        return image
+    row, column = distance_transform_edt(~covered, return_distances=False, return_indices=True)
+    return np.asarray(image[row, column])

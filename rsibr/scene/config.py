@@ -1,0 +1,235 @@
+"""The config: what to bake, at which size, from how many samples; TOML, checked by pydantic.
+
+Every mistake is one line that names the file, the dotted key, the value and what is allowed.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
+
+from rsibr.errors import InputError
+from rsibr.scene.config_errors import describe
+from rsibr.scene.overrides import apply_overrides, override_keys
+
+
+def _base(info: ValidationInfo) -> Path:
+    return Path((info.context or {}).get("base", "."))
+
+
+def _absolute_path(value: Any, info: ValidationInfo) -> Path:
+    if isinstance(value, Path):
+        return value
+    if not isinstance(value, str) or not value:
+        raise ValueError("should be the path of a file, as a string")
+    try:
+        return (_base(info) / Path(value).expanduser()).resolve()
+    except (RuntimeError, OSError) as error:
+        raise ValueError(f"is no usable path: {error}") from None
+
+
+def _plugin(value: Any, info: ValidationInfo) -> dict[str, Any]:
+    """Check that a table can be a Mitsuba plugin, and make the paths under `filename` absolute."""
+    if not isinstance(value, Mapping):
+        raise ValueError('should be a table with a type, as in {type = "diffuse"}')
+    if not isinstance(value.get("type"), str) or not value["type"]:
+        raise ValueError("names no plugin: give it a type")
+    return {key: _plugin_value(key, item, info) for key, item in value.items()}
+
+
+def _plugin_value(key: str, value: Any, info: ValidationInfo) -> Any:
+    if isinstance(value, Mapping):
+        return _plugin(value, info)
+    if isinstance(value, list):
+        return [_plugin_value(key, item, info) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{key} = {value} should be finite")
+    if not isinstance(value, bool | int | float | str):
+        raise ValueError(f"{key} = {value} means nothing to Mitsuba")
+    return str(_absolute_path(value, info)) if key == "filename" else value
+
+
+FilePath = Annotated[Path, BeforeValidator(_absolute_path)]
+"""A path, absolute once validated; a relative one starts at the folder of the config."""
+
+PluginTable = Annotated[dict[str, Any], BeforeValidator(_plugin)]
+"""A Mitsuba plugin as plain data: a `type`, and finite numbers, strings, booleans, lists and nested plugins."""
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Section(BaseModel):
+    # Strict: TOML has types of its own, so `true` or `1.5` where a whole number belongs is a slip, not a spelling.
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    def _require_exactly_one(self, *names: str) -> None:
+        given = [name for name in names if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"give exactly one of {', '.join(names)} (given: {', '.join(given) or 'none'})")
+
+
+class EnvironmentConfig(_Section):
+    """The distant light: exactly one of `file` and `emitter`.
+
+    Attributes
+    ----------
+    file : Path, optional
+        Latitude–longitude map, OpenEXR or Radiance HDR.
+    emitter : dict, optional
+        Mitsuba emitter at infinity, as a plain dict.
+    rotation_deg : float
+        Rotation about +Y [°], counter-clockwise seen from above.
+    scale : float
+        Factor on the radiance, positive.
+    """
+
+    file: FilePath | None = None
+    emitter: PluginTable | None = None
+    rotation_deg: Finite = 0.0
+    scale: Finite = Field(default=1.0, gt=0.0)
+
+    @model_validator(mode="after")
+    def _one_source(self) -> EnvironmentConfig:
+        self._require_exactly_one("file", "emitter")
+        return self
+
+
+class MaterialConfig(_Section):
+    """The material: exactly one of `preset`, `bsdf` and `file`.
+
+    Attributes
+    ----------
+    preset : str, optional
+        Name of a material that comes with rsibr (`rsibr.scene.material.PRESETS`).
+    bsdf : dict, optional
+        Mitsuba BSDF as a plain dict.
+    file : Path, optional
+        Mitsuba XML: a BSDF, or a scene with exactly one.
+    warp : {"auto", "mirror", "normal"}
+        What the map is indexed by when it is warped as one lobe: the mirrored view direction or the surface normal.
+        `auto` takes the normal for a material that is only diffuse.
+    """
+
+    preset: str | None = None
+    bsdf: PluginTable | None = None
+    file: FilePath | None = None
+    warp: Literal["auto", "mirror", "normal"] = "auto"
+
+    @model_validator(mode="after")
+    def _one_source(self) -> MaterialConfig:
+        self._require_exactly_one("preset", "bsdf", "file")
+        return self
+
+
+class ViewsConfig(_Section):
+    """The stored views: the vertices of a subdivided icosahedron, or directions of one's own.
+
+    Attributes
+    ----------
+    subdivision : int
+        0 to 5: 12, 42, 162, 642, 2562, 10242 views.
+    file : Path, optional
+        JSON with `directions` (N, 3) and `triangles` (M, 3), instead of an icosahedron.
+    """
+
+    subdivision: int = Field(default=0, ge=0, le=5)
+    file: FilePath | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> ViewsConfig:
+        if self.file is not None and self.subdivision != 0:
+            raise ValueError("give either subdivision or file, not both")
+        return self
+
+
+class MapConfig(_Section):
+    """The sphere maps: `resolution` texels a side, 8 to 4096."""
+
+    resolution: int = Field(default=256, ge=8, le=4096)
+
+
+class SamplingConfig(_Section):
+    """The samples: `samples` a texel (4 to 2^24), and the root `seed` of all randomness."""
+
+    samples: int = Field(default=1024, ge=4, le=2**24)
+    seed: int = Field(default=0, ge=0, lt=2**63)
+
+
+class Config(_Section):
+    """Everything that a bake depends on. Built by `load_config` or `parse_config`."""
+
+    environment: EnvironmentConfig
+    material: MaterialConfig
+    views: ViewsConfig = ViewsConfig()
+    map: MapConfig = MapConfig()
+    sampling: SamplingConfig = SamplingConfig()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the config as plain JSON data, paths as strings; `parse_config` reads it back to an equal config."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+
+def load_config(path: Path, overrides: Sequence[str] = ()) -> Config:
+    """Read a config from a TOML file.
+
+    Parameters
+    ----------
+    path : Path
+        The file. Relative paths in it, and in the overrides, start at its folder.
+    overrides : sequence of str
+        `a.b=value`, laid over the file; see `rsibr.scene.overrides.apply_overrides`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is not UTF-8 or not TOML, or a key or value in it is wrong. All wrong keys are named
+        at once. Files that the config names are looked for only when they are loaded.
+    """
+    path = Path(path)
+    return parse_config(_read_toml(path), path.resolve().parent, overrides, where=str(path))
+
+
+def parse_config(
+    data: Mapping[str, Any], base: Path, overrides: Sequence[str] = (), *, where: str = "config"
+) -> Config:
+    """Check a config that is already a mapping; see `load_config`.
+
+    Parameters
+    ----------
+    data : mapping
+        The tables of the config.
+    base : Path
+        Folder at which relative paths start.
+    overrides : sequence of str
+        `a.b=value`, laid over `data`.
+    where : str
+        What an error names as the place.
+    """
+    merged = apply_overrides(data, overrides)
+    try:
+        return Config.model_validate(merged, context={"base": Path(base).resolve()})
+    except ValidationError as error:
+        problems = describe(error, Config, override_keys(overrides))
+        raise InputError("; ".join(problems), where=where) from None
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        raise InputError("there is no such config", where=str(path), fix="check the path") from None
+    except IsADirectoryError:
+        raise InputError("is a folder, not a config", where=str(path), fix="name a TOML file in it") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"is not UTF-8 (byte {error.start})", where=str(path), fix="save the file as UTF-8") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", where=str(path)) from None
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"is not valid TOML: {error}", where=str(path)) from None

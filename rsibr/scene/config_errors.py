@@ -1,0 +1,69 @@
+"""What a user reads when a config is wrong: one short phrase a mistake, made from pydantic's report."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Collection
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+
+def describe(error: ValidationError, model: type[BaseModel], overridden: Collection[str] = ()) -> list[str]:
+    """Put each mistake in a config into a phrase.
+
+    Parameters
+    ----------
+    error : ValidationError
+        Pydantic's report.
+    model : type
+        The model that was validated: its field names are the keys that an unknown one is compared with.
+    overridden : collection of str
+        Dotted keys that came from `--set`; a mistake in one of them says so.
+
+    Returns
+    -------
+    list of str
+        For each mistake the dotted key, the value, and what is allowed or the nearest known key.
+    """
+    known = _known_keys(model)
+    return [_phrase(dict(entry), known, overridden) for entry in error.errors(include_url=False)]
+
+
+def _phrase(entry: dict[str, Any], known: list[str], overridden: Collection[str]) -> str:
+    key = ".".join(str(part) for part in entry["loc"])
+    origin = " (from --set)" if key in overridden else ""
+    match entry["type"]:
+        case "extra_forbidden":
+            return f"unknown key '{key}'{origin}: {_suggestion(key, known)}"
+        case "missing":
+            return f"the key '{key}' is missing"
+        case "model_type":
+            return f"{key} should be a table{origin}"
+    value = entry["input"]
+    shown = f" = {json.dumps(value, ensure_ascii=False)}" if isinstance(value, str | int | float) else ""
+    message = entry["msg"].removeprefix("Value error, ").replace("Input should", "should")
+    return f"{key}{shown}{origin}{'' if shown else ':'} {message}"
+
+
+def _suggestion(key: str, known: list[str]) -> str:
+    parent, _, leaf = key.rpartition(".")
+    prefix = f"{parent}." if parent else ""
+    siblings = [name.removeprefix(prefix) for name in known if name.rpartition(".")[0] == parent]
+    near = difflib.get_close_matches(leaf, siblings, n=1)
+    elsewhere = [name for name in known if name.endswith(f".{leaf}")]
+    if near:
+        return f"did you mean '{prefix}{near[0]}'?"
+    if elsewhere:
+        return f"did you mean '{elsewhere[0]}'?"
+    return f"known here: {', '.join(siblings)}"
+
+
+def _known_keys(model: type[BaseModel]) -> list[str]:
+    names: list[str] = []
+    for name, field in model.model_fields.items():
+        names.append(name)
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            names += [f"{name}.{inner}" for inner in _known_keys(field.annotation)]
+    return names

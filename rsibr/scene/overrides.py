@@ -1,0 +1,100 @@
+"""Overrides from the command line: `--set a.b=value` laid over the tables of a config."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from datetime import date, datetime, time
+from typing import Any
+
+from rsibr.errors import InputError
+
+ALTERNATIVES: Mapping[str, tuple[str, ...]] = {
+    "environment": ("file", "emitter"),
+    "material": ("preset", "bsdf", "file"),
+    "views": ("subdivision", "file"),
+}
+"""Keys of each section that exclude one another: to set one of them takes the others out of the config."""
+
+
+def apply_overrides(data: Mapping[str, Any], overrides: Sequence[str]) -> dict[str, Any]:
+    """Lay overrides over a config's tables.
+
+    Parameters
+    ----------
+    data : mapping
+        The config as TOML gives it; left as it is.
+    overrides : sequence of str
+        `a.b=value`, the value in TOML; a bare word that is no TOML stands for itself as a string.
+
+    Returns
+    -------
+    dict
+        The config with every override in place. An override of one of the `ALTERNATIVES` removes the others that the
+        config itself gave; two alternatives that both stand among the overrides remain, for the config's check to refuse.
+
+    Raises
+    ------
+    InputError
+        If an override has no `=` or no key, its value opens a string, list or table that it does not close, or its key
+        leads through something that is not a table.
+    """
+    result = deepcopy(dict(data))
+    parsed = [(text, *_parse(text)) for text in overrides]
+    for _, keys, _ in parsed:
+        _drop_alternatives(result, keys)
+    for text, keys, value in parsed:
+        _place(result, keys, value, text)
+    return result
+
+
+def override_keys(overrides: Sequence[str]) -> set[str]:
+    """Return the dotted keys that the overrides set."""
+    return {".".join(_parse(text)[0]) for text in overrides}
+
+
+def _parse(text: str) -> tuple[tuple[str, ...], Any]:
+    dotted, equals, value = text.partition("=")
+    keys = tuple(key.strip() for key in dotted.split("."))
+    if not equals or not all(keys):
+        raise InputError(
+            f"'{text}' sets nothing",
+            where="--set",
+            fix="write a dotted key, an equals sign and a value, as in map.resolution=128",
+        )
+    return keys, _value(value.strip(), text)
+
+
+def _value(text: str, whole: str) -> Any:
+    try:
+        table = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError as error:
+        if text[:1] in ("{", "[", '"', "'"):
+            reason = str(error).partition(" (at")[0]
+            raise InputError(f"'{whole}' is not valid TOML: {reason}", where="--set") from None
+        return text
+    if set(table) != {"value"}:
+        raise InputError(f"'{whole}' holds more than one value", where="--set", fix="give one --set for each key")
+    # A file name may look like a date, and no key of a config is one.
+    return text if isinstance(table["value"], date | time | datetime) else table["value"]
+
+
+def _drop_alternatives(data: dict[str, Any], keys: tuple[str, ...]) -> None:
+    section = data.get(keys[0])
+    if len(keys) < 2 or not isinstance(section, dict):
+        return
+    rivals = ALTERNATIVES.get(keys[0], ())
+    if keys[1] in rivals:
+        for rival in rivals:
+            if rival != keys[1]:
+                section.pop(rival, None)
+
+
+def _place(data: dict[str, Any], keys: tuple[str, ...], value: Any, text: str) -> None:
+    table = data
+    for depth, key in enumerate(keys[:-1], start=1):
+        table = table.setdefault(key, {})
+        if not isinstance(table, dict):
+            raise InputError(f"'{text}': {'.'.join(keys[:depth])} is not a table", where="--set")
+    table[keys[-1]] = value

@@ -1,0 +1,269 @@
+"""Path-traced truth: the material on a real sphere in a real Mitsuba scene.
+
+Nothing here is shared with the bake: another integrator (`path` against a lobe-resolved direct one), a `sphere` shape in
+place of analytic normals, Mitsuba's own camera, film and seeds. What both get wrong alike, they get wrong independently.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rsibr import backend
+from rsibr.errors import InputError
+
+MINIMUM_BUFFERS = 8
+"""Independent renderings that a reference holds at least: their spread is its noise."""
+
+LANES_PER_LAUNCH = 2**24
+"""Samples that one kernel launch takes: enough to fill a device, far below the limit of 2^32."""
+
+SAMPLER = "multijitter"
+
+_REFERENCE_BRANCH = 0x7265_6665
+"""Branch of the seed tree (the letters "refe"), so that a bake with the same root seed shares no random numbers."""
+
+_CAMERA_DISTANCE = 2.0
+
+
+class Emitting(Protocol):
+    """What a reference asks of an environment."""
+
+    def emitter(self) -> dict[str, Any]:
+        """Mitsuba dictionary of the emitter."""
+
+
+class Reflecting(Protocol):
+    """What a reference asks of a material."""
+
+    def bsdf(self) -> Any:
+        """Mitsuba BSDF in the current variant."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Path-traced sphere map of one view, as independent buffers.
+
+    Attributes
+    ----------
+    buffers : ndarray, shape (K, H, W, 3), float32
+        Radiance [W sr⁻¹ m⁻²], coverage divided out; 0 where nothing is covered. Their mean is the reference, their spread
+        its noise.
+    coverage : ndarray, shape (H, W), float32
+        Share of each texel that the sphere covers, as the camera saw it.
+    samples : int
+        Samples a texel, all buffers together.
+    seconds : float
+        Rendering time of all buffers, device finished, nothing compiled.
+    compile_seconds : float
+        Time of the warm-up pass that compiled the kernels; 0 where they were compiled before.
+    sampler : str
+        Mitsuba's name of the sampler.
+    """
+
+    buffers: NDArray[np.float32]
+    coverage: NDArray[np.float32]
+    samples: int
+    seconds: float
+    compile_seconds: float = 0.0
+    sampler: str = SAMPLER
+
+    @property
+    def mean(self) -> NDArray[np.float32]:
+        """Radiance, shape (H, W, 3): the mean of the buffers."""
+        return np.asarray(self.buffers.mean(axis=0, dtype=np.float64), dtype=np.float32)
+
+    @property
+    def variance_of_mean(self) -> NDArray[np.float32]:
+        """Variance of `mean`, shape (H, W, 3): the buffers' sample variance divided by their number."""
+        variance = self.buffers.var(axis=0, ddof=1, dtype=np.float64) / len(self.buffers)
+        return np.asarray(variance, dtype=np.float32)
+
+
+class ReferenceRenderer:
+    """Renders one material under one environment from any view: the scene is built and compiled once.
+
+    Parameters
+    ----------
+    environment : Emitting
+        Has `emitter()`: an `Environment`.
+    material : Reflecting
+        Has `bsdf()`: a `Material`.
+    resolution : int
+        Texels a side.
+    """
+
+    def __init__(self, environment: Emitting, material: Reflecting, resolution: int) -> None:
+        backend.use()
+        self.resolution = resolution
+        self._scene = mi.load_dict(_scene(environment, material, resolution))
+        self._parameters = mi.traverse(self._scene)
+        self._compiled: set[int] = set()
+
+    def render(self, frame: ArrayLike, samples: int, seed: int = 0, buffers: int = MINIMUM_BUFFERS) -> Reference:
+        """Path-trace the sphere map of one view.
+
+        Parameters
+        ----------
+        frame : array_like, shape (3, 3)
+            The map's frame: columns x (right), y (up), z = v in world coordinates.
+        samples : int
+            Samples a texel at least, all buffers together. Each pass is rounded up to a grid that the sampler can
+            stratify; `Reference.samples` says how many it were.
+        seed : int
+            Root of the seed tree, ≥ 0. The view enters too: two views share no random numbers.
+        buffers : int
+            Independent buffers, ≥ 8.
+
+        Returns
+        -------
+        Reference
+
+        Raises
+        ------
+        InputError
+            If there are fewer than 8 buffers, or fewer samples than buffers.
+        """
+        frame = np.asarray(frame, dtype=np.float64)
+        passes, spp = _passes(samples, buffers, self.resolution)
+        seeds = _seeds(seed, frame, buffers * passes).reshape(buffers, passes)
+        self._look_along(frame)
+        compile_seconds = self._warm_up(spp)
+
+        start = time.perf_counter()
+        films = np.stack([self._buffer(row, spp) for row in seeds])
+        backend.synchronize()
+        seconds = time.perf_counter() - start
+
+        radiance, coverage = _without_coverage(films)
+        return Reference(radiance, coverage, buffers * passes * spp, seconds, compile_seconds)
+
+    def _look_along(self, frame: NDArray[np.float64]) -> None:
+        """Turn the camera; its transform is an opaque value of the kernel, so nothing is compiled anew."""
+        key = "sensor.to_world"
+        self._parameters[key] = mi.AffineTransform4f(_camera_to_world(frame))
+        dr.make_opaque(self._parameters[key])
+        self._parameters.update()
+
+    def _warm_up(self, spp: int) -> float:
+        """Compile the kernel for passes of `spp` samples unless that has happened; return what it took."""
+        if spp in self._compiled:
+            return 0.0
+        start = time.perf_counter()
+        self._film(seed=0, spp=spp)
+        backend.synchronize()
+        self._compiled.add(spp)
+        return time.perf_counter() - start
+
+    def _buffer(self, seeds: NDArray[np.uint32], spp: int) -> NDArray[np.float64]:
+        total = np.zeros((self.resolution, self.resolution, 4))
+        for seed in seeds:  # one launch at a time, each read back: memory does not grow with the number of passes
+            total += self._film(int(seed), spp)
+        return total / len(seeds)
+
+    def _film(self, seed: int, spp: int) -> NDArray[np.float32]:
+        """Colour, premultiplied, and alpha of one launch; shape (N, N, 4)."""
+        return np.asarray(mi.render(self._scene, seed=seed, spp=spp).numpy())
+
+
+def render_reference(
+    environment: Emitting,
+    material: Reflecting,
+    frame: ArrayLike,
+    resolution: int,
+    samples: int,
+    seed: int = 0,
+    buffers: int = MINIMUM_BUFFERS,
+) -> Reference:
+    """Path-trace the sphere map of a single view; for more than one, keep a `ReferenceRenderer`.
+
+    Parameters
+    ----------
+    environment, material, resolution
+        As in `ReferenceRenderer`.
+    frame, samples, seed, buffers
+        As in `ReferenceRenderer.render`.
+
+    Returns
+    -------
+    Reference
+    """
+    return ReferenceRenderer(environment, material, resolution).render(frame, samples, seed, buffers)
+
+
+def _scene(environment: Emitting, material: Reflecting, resolution: int) -> dict[str, Any]:
+    return {
+        "type": "scene",
+        "integrator": {"type": "path", "hide_emitters": True},  # beside the sphere a texel stays empty
+        "sensor": {
+            "type": "orthographic",  # sees [−1, 1]²: the unit sphere fills the picture
+            "to_world": mi.ScalarAffineTransform4f(_camera_to_world(np.eye(3))),
+            "near_clip": _CAMERA_DISTANCE / 4,
+            "far_clip": _CAMERA_DISTANCE * 2,
+            "film": {
+                "type": "hdrfilm",
+                "width": resolution,
+                "height": resolution,
+                "pixel_format": "rgba",
+                "component_format": "float32",
+                "rfilter": {"type": "box"},  # texels stay independent, and a texel is the mean over its area
+            },
+            "sampler": {"type": SAMPLER},
+        },
+        "sphere": {"type": "sphere", "material": material.bsdf()},
+        "environment": environment.emitter(),
+    }
+
+
+def _camera_to_world(frame: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mitsuba's cameras look along +z with +x to the *left*."""
+    x, y, v = frame.T
+    matrix = np.eye(4)
+    matrix[:3] = np.column_stack([-x, y, -v, _CAMERA_DISTANCE * v])
+    return matrix
+
+
+def _passes(samples: int, buffers: int, resolution: int) -> tuple[int, int]:
+    """Passes of one buffer and samples of one pass, a product that Mitsuba's `multijitter` takes without rounding."""
+    if buffers < MINIMUM_BUFFERS:
+        raise InputError(f"{buffers} buffers are too few to tell noise from error", fix="ask for 8 or more")
+    if samples < buffers:
+        raise InputError(
+            f"{samples} samples cannot be shared out over {buffers} independent buffers",
+            where="samples",
+            fix=f"ask for {buffers} or more",
+        )
+    wanted = math.ceil(samples / buffers)
+    passes = math.ceil(wanted * resolution**2 / LANES_PER_LAUNCH)
+    each = math.ceil(wanted / passes)
+    columns = math.isqrt(each)
+    return passes, columns * math.ceil(each / columns)
+
+
+def _seeds(seed: int, frame: NDArray[np.float64], count: int) -> NDArray[np.uint32]:
+    """Seeds on a branch of their own: from the root and the bits of the view."""
+    view = (frame[:, 2] + 0.0).view(np.uint32)  # + 0.0: −0 and 0 are one direction
+    branch = (_REFERENCE_BRANCH, *(int(word) for word in view))
+    return np.random.SeedSequence(seed, spawn_key=branch).generate_state(count)
+
+
+def _without_coverage(films: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Divide coverage out of premultiplied colour, shape (K, H, W, 4), texels that were never hit aside.
+
+    A texel's radiance is the ratio of two sums over all buffers, ΣL/Σα. Each buffer gets its linearisation,
+    R̄ + (L_k − R̄ α_k)/ᾱ: the mean over the buffers is that ratio, their spread is its spread by the delta method, and a
+    buffer that happened to miss a rim texel divides nothing by zero.
+    """
+    colour, alpha = films[..., :3], films[..., 3:]
+    mean_alpha = alpha.mean(axis=0)
+    safe = np.where(mean_alpha > 0, mean_alpha, 1.0)
+    ratio = colour.mean(axis=0) / safe
+    radiance = np.where(mean_alpha > 0, ratio + (colour - ratio * alpha) / safe, 0.0)
+    return radiance.astype(np.float32), mean_alpha[..., 0].astype(np.float32)
