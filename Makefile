@@ -5,7 +5,7 @@ VENV := .venv
 OUT := out
 PYTHON ?=
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --no-input
+PIP := $(BIN)/python -m pip --disable-pip-version-check -qq --no-input
 # Names the libLLVM to load where Dr.Jit would not find it by itself; see scripts/ensure_llvm.py.
 WITH_LLVM := . ./$(VENV)/llvm.env &&
 

@@ -39,5 +39,5 @@ def _folder(name: str) -> Path:
     raise MachineError(
         f"the installation lacks the folder '{name}'",
         where=str(places[0]),
-        fix="install rsibr again with `pip install .`",
+        fix="install rsibr again",
     )

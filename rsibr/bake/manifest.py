@@ -6,8 +6,7 @@
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -20,10 +19,8 @@ from rsibr.errors import BakeError
 
 MANIFEST_NAME = "manifest.json"
 MAPS_NAME = "maps"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION: Literal[1] = 1
 
-_MAXIMUM_DIFFERENCES = 8
-_LONGEST_VALUE = 60
 _SHA256 = r"^[0-9a-f]{64}$"
 
 Vector = tuple[float, float, float]
@@ -170,11 +167,11 @@ class Manifest(_Record):
             If `config` or `identity` holds an object that JSON does not know.
         """
         rows = [(float(x), float(y), float(z)) for x, y, z in np.asarray(directions, np.float64)]
-        plain_config = json.loads(_canonical(config))
+        plain_config = json.loads(canonical(config))
         return cls(
             config=plain_config,
-            config_hash=checksum(_canonical(plain_config)),
-            identity=json.loads(_canonical(identity)),
+            config_hash=checksum(canonical(plain_config)),
+            identity=json.loads(canonical(identity)),
             packages=dict(sorted(packages.items())),
             variant=variant,
             environment=environment,
@@ -191,7 +188,7 @@ class Manifest(_Record):
             raise ValueError("the views are not the directions, in their order")
         if any(not 0 <= corner < len(self.directions) for triangle in self.triangles for corner in triangle):
             raise ValueError("a triangle names a view that does not exist")
-        if self.config_hash != checksum(_canonical(self.config)):
+        if self.config_hash != checksum(canonical(self.config)):
             raise ValueError("config_hash is not the hash of the config")
         return self
 
@@ -216,18 +213,6 @@ class Manifest(_Record):
         for state in states:
             views[state.index] = state
         return self.model_copy(update={"views": tuple(views)})
-
-    def differences(self, wanted: Manifest) -> list[str]:
-        """Say what keeps this bake from being continued as `wanted`, key by key: "sampling.samples: 64 → 128"."""
-        old, new = _fixing_the_bits(self), _fixing_the_bits(wanted)
-        keys = [key for key in dict.fromkeys([*old, *new]) if old.get(key, _ABSENT) != new.get(key, _ABSENT)]
-        # Keys of the config are shown as the user writes them, in TOML and behind --set.
-        shown = [
-            f"{key.removeprefix('config.')}: {_show(old.get(key, _ABSENT))} → {_show(new.get(key, _ABSENT))}"
-            for key in keys
-        ]
-        hidden = len(shown) - _MAXIMUM_DIFFERENCES
-        return shown if hidden <= 0 else [*shown[:_MAXIMUM_DIFFERENCES], f"and {hidden} more"]
 
 
 def map_name(index: int) -> str:
@@ -270,49 +255,19 @@ def read_manifest(path: Path) -> Manifest:
     if not whole:
         raise BakeError("was altered: its checksum does not match", where=str(path), fix=remedy)
     try:
-        return Manifest.model_validate_json(_canonical(body))
+        return Manifest.model_validate_json(canonical(body))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         raise BakeError(f"is no valid manifest: {place}: {first['msg']}", where=str(path), fix=remedy) from error
 
 
-_ABSENT = object()
-
-
-def _fixing_the_bits(manifest: Manifest) -> dict[str, Any]:
-    """Everything that two bakes must share for the one to be continued as the other, by dotted key."""
-    geometry = [manifest.directions, manifest.triangles]
-    return {
-        **dict(_flatten(manifest.identity)),
-        "resolution of the maps": manifest.resolution,
-        "number of views": len(manifest.directions),
-        "directions and triangles": checksum(_canonical(geometry)),
-    }
-
-
-def _canonical(value: Any) -> bytes:
+def canonical(value: Any) -> bytes:
+    """Return the one JSON text of `value`, for hashing: keys sorted, no spaces, finite numbers only (ValueError)."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
 
 
 def _file_content(body: dict[str, Any]) -> bytes:
     """Bytes of the file: one key a line, for people and for diffs; the checksum over the canonical form comes last."""
-    content = {**body, "checksum": checksum(_canonical(body))}
+    content = {**body, "checksum": checksum(canonical(body))}
     return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
-def _flatten(value: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for key, item in value.items():
-        if isinstance(item, Mapping) and item:
-            yield from _flatten(item, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", item
-
-
-def _show(value: object) -> str:
-    if value is _ABSENT:
-        return "absent"
-    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
-    if re.fullmatch(_SHA256, text):
-        return text[:12]
-    return text if len(text) <= _LONGEST_VALUE else f"…{text[1 - _LONGEST_VALUE :]}"

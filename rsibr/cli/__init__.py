@@ -1,1 +1,1 @@
-"""One file a command: parses, calls, prints."""
+"""The command line: one file a command; parses, calls, prints."""

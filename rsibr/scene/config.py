@@ -35,23 +35,27 @@ def _absolute_path(value: Any, info: ValidationInfo) -> Path:
 
 def _plugin(value: Any, info: ValidationInfo) -> dict[str, Any]:
     """Check that a table can be a Mitsuba plugin, and make the paths under `filename` absolute."""
+    return _plugin_table("", value, info)
+
+
+def _plugin_table(name: str, value: Any, info: ValidationInfo) -> dict[str, Any]:
     if not isinstance(value, Mapping):
         raise ValueError('should be a table with a type, as in {type = "diffuse"}')
     if not isinstance(value.get("type"), str) or not value["type"]:
-        raise ValueError("names no plugin: give it a type")
-    return {key: _plugin_value(key, item, info) for key, item in value.items()}
+        raise ValueError(f"{name}.type is missing" if name else "names no plugin: give it a type")
+    return {key: _plugin_value(f"{name}.{key}" if name else key, item, info) for key, item in value.items()}
 
 
-def _plugin_value(key: str, value: Any, info: ValidationInfo) -> Any:
+def _plugin_value(name: str, value: Any, info: ValidationInfo) -> Any:
     if isinstance(value, Mapping):
-        return _plugin(value, info)
+        return _plugin_table(name, value, info)
     if isinstance(value, list):
-        return [_plugin_value(key, item, info) for item in value]
+        return [_plugin_value(name, item, info) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
-        raise ValueError(f"{key} = {value} should be finite")
+        raise ValueError(f"{name} = {value} should be finite")
     if not isinstance(value, bool | int | float | str):
-        raise ValueError(f"{key} = {value} means nothing to Mitsuba")
-    return str(_absolute_path(value, info)) if key == "filename" else value
+        raise ValueError(f"{name} = {value} means nothing to Mitsuba")
+    return str(_absolute_path(value, info)) if name.rpartition(".")[2] == "filename" else value
 
 
 FilePath = Annotated[Path, BeforeValidator(_absolute_path)]

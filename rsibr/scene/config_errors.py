@@ -53,10 +53,10 @@ def _suggestion(key: str, known: list[str]) -> str:
     siblings = [name.removeprefix(prefix) for name in known if name.rpartition(".")[0] == parent]
     near = difflib.get_close_matches(leaf, siblings, n=1)
     elsewhere = [name for name in known if name.endswith(f".{leaf}")]
-    if near:
-        return f"did you mean '{prefix}{near[0]}'?"
     if elsewhere:
         return f"did you mean '{elsewhere[0]}'?"
+    if near:
+        return f"did you mean '{prefix}{near[0]}'?"
     return f"known here: {', '.join(siblings)}"
 
 

@@ -32,7 +32,7 @@ def apply_overrides(data: Mapping[str, Any], overrides: Sequence[str]) -> dict[s
     -------
     dict
         The config with every override in place. An override of one of the `ALTERNATIVES` removes the others that the
-        config itself gave; two alternatives that both stand among the overrides remain, for the config's check to refuse.
+        config itself gave; two that both stand among the overrides remain, for the config's check to refuse.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def _parse(text: str) -> tuple[tuple[str, ...], Any]:
         raise InputError(
             f"'{text}' sets nothing",
             where="--set",
-            fix="write a dotted key, an equals sign and a value, as in map.resolution=128",
+            fix="write it as map.resolution=128",
         )
     return keys, _value(value.strip(), text)
 

@@ -70,8 +70,8 @@ def jackknife(value: float, leave_one_out: NDArray[np.float64]) -> Estimate:
 
     Notes
     -----
-    Efron & Stein (1981): the jackknife's variance is never too small on average. Where the error is all noise, it is up to
-    twice the true one, so the interval then covers more often than it says.
+    Efron & Stein (1981): the jackknife's variance is never too small on average. Where the error is all noise, it is
+    up to twice the true one, so the interval then covers more often than it says.
     """
     k = len(leave_one_out)
     variance = (k - 1) * float(np.var(leave_one_out))

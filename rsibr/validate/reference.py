@@ -1,7 +1,7 @@
 """Path-traced truth: the material on a real sphere in a real Mitsuba scene.
 
-Nothing here is shared with the bake: another integrator (`path` against a lobe-resolved direct one), a `sphere` shape in
-place of analytic normals, Mitsuba's own camera, film and seeds. What both get wrong alike, they get wrong independently.
+Nothing here is shared with the bake: another integrator (`path` against a lobe-resolved direct one), a `sphere` shape
+in place of analytic normals, Mitsuba's own camera, film and seeds.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ class Reference:
     Attributes
     ----------
     buffers : ndarray, shape (K, H, W, 3), float32
-        Radiance [W sr⁻¹ m⁻²], coverage divided out; 0 where nothing is covered. Their mean is the reference, their spread
-        its noise.
+        Radiance [W sr⁻¹ m⁻²], coverage divided out; 0 where nothing is covered. Their mean is the reference, their
+        spread its noise.
     coverage : ndarray, shape (H, W), float32
         Share of each texel that the sphere covers, as the camera saw it.
     samples : int
@@ -179,6 +179,7 @@ def render_reference(
     frame: ArrayLike,
     resolution: int,
     samples: int,
+    *,
     seed: int = 0,
     buffers: int = MINIMUM_BUFFERS,
 ) -> Reference:
@@ -222,16 +223,16 @@ def _scene(environment: Emitting, material: Reflecting, resolution: int) -> dict
     }
 
 
-def _camera_to_world(frame: NDArray[np.float64]) -> NDArray[np.float64]:
+def _camera_to_world(frame: NDArray[np.float64]) -> NDArray[np.float32]:
     """Mitsuba's cameras look along +z with +x to the *left*."""
     x, y, v = frame.T
     matrix = np.eye(4)
     matrix[:3] = np.column_stack([-x, y, -v, _CAMERA_DISTANCE * v])
-    return matrix
+    return matrix.astype(np.float32)
 
 
 def _passes(samples: int, buffers: int, resolution: int) -> tuple[int, int]:
-    """Passes of one buffer and samples of one pass, a product that Mitsuba's `multijitter` takes without rounding."""
+    """Share samples out: passes of a buffer, and samples of a pass as a product that `multijitter` need not round."""
     if buffers < MINIMUM_BUFFERS:
         raise InputError(f"{buffers} buffers are too few to tell noise from error", fix="ask for 8 or more")
     if samples < buffers:
@@ -251,7 +252,7 @@ def _seeds(seed: int, frame: NDArray[np.float64], count: int) -> NDArray[np.uint
     """Seeds on a branch of their own: from the root and the bits of the view."""
     view = (frame[:, 2] + 0.0).view(np.uint32)  # + 0.0: −0 and 0 are one direction
     branch = (_REFERENCE_BRANCH, *(int(word) for word in view))
-    return np.random.SeedSequence(seed, spawn_key=branch).generate_state(count)
+    return np.random.SeedSequence(seed, spawn_key=branch).generate_state(count).astype(np.uint32)
 
 
 def _without_coverage(films: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -1,0 +1,49 @@
+"""`rsibr bake`: render the radiance sphere maps of a config."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rsibr.cli.options import Config, Json
+
+
+def bake(
+    config: Config,
+    out: Annotated[
+        Path | None, typer.Option(help="Directory of the bake; by default CONFIG's name with the ending .rsibr.")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the config.")
+    ] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Start anew, whatever OUT holds of an earlier bake.")] = False,
+    json_output: Json = False,
+) -> None:
+    """Render the radiance sphere maps of all views. A bake that was killed goes on where it was."""
+    from rsibr.bake.baker import bake as run_bake
+    from rsibr.cli.console import bake_progress, note_clipped
+
+    with bake_progress() as show:
+        finished = run_bake(
+            config, out=out or Path(f"{config.stem}.rsibr"), overrides=overrides or (), fresh=fresh, on_progress=show
+        )
+    note_clipped(finished)
+    if json_output:
+        state = {
+            "bake": str(finished.path),
+            "views": finished.view_count,
+            "resolution": finished.resolution,
+            "seconds": finished.seconds,
+            "bytes": finished.bytes,
+            "config_hash": finished.manifest.config_hash,
+            "environment": finished.manifest.environment.model_dump(),
+        }
+        typer.echo(json.dumps(state))
+    else:
+        typer.echo(
+            f"{finished.path}: {finished.view_count} views of {finished.resolution}², "
+            f"{finished.seconds:.1f} s, {finished.bytes / 2**20:.1f} MiB"
+        )

@@ -1,0 +1,77 @@
+"""What a person sees while a command runs, all of it on stderr: stdout belongs to results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import TimeRemainingColumn as TimeLeftColumn
+
+if TYPE_CHECKING:
+    from rsibr.bake.baker import Progress as BakeProgress
+    from rsibr.bake.store import Bake
+
+console = Console(stderr=True, highlight=False)
+
+
+@contextmanager
+def bake_progress() -> Iterator[Callable[[BakeProgress], None]]:
+    """Show two bars, the view at work and the whole bake, each with its time left."""
+    with _bars() as bars:
+        whole: TaskID | None = None
+        view: TaskID | None = None
+
+        def show(state: BakeProgress) -> None:
+            nonlocal whole, view
+            blocks = state.blocks
+            if whole is None or view is None:  # views done before this run cost it nothing: they start the bar
+                whole = bars.add_task("bake", total=state.views * blocks, completed=state.views_done * blocks)
+                view = bars.add_task("view", total=blocks)
+            bars.update(whole, completed=state.views_done * blocks + state.blocks_done)
+            if state.views_done < state.views:
+                if state.blocks_done <= 1:
+                    bars.reset(view, description=f"view {state.views_done + 1}", total=blocks)
+                bars.update(view, completed=state.blocks_done)
+
+        yield show
+
+
+@contextmanager
+def step_progress(name: str) -> Iterator[Callable[[int, int], None]]:
+    """Show one bar, for a count of equal steps."""
+    with _bars() as bars:
+        task: TaskID | None = None
+
+        def show(done: int, total: int) -> None:
+            nonlocal task
+            if task is None:
+                task = bars.add_task(name, total=total)
+            bars.update(task, completed=done)
+
+        yield show
+
+
+def note_clipped(bake: Bake) -> None:
+    """Say how many negative values of the environment were clipped, if any were."""
+    environment = bake.manifest.environment
+    if environment.clipped:
+        console.print(
+            f"note: {environment.name}: {environment.clipped} negative values clipped to 0 "
+            f"(the lowest was {environment.lowest:.2g})"
+        )
+
+
+def _bars() -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeLeftColumn(),
+        console=console,
+        transient=True,
+    )

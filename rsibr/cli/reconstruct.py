@@ -1,0 +1,32 @@
+"""`rsibr reconstruct`: write the map of any view."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rsibr.cli.options import BakePath, Json, parse_view
+
+
+def reconstruct(
+    bake: BakePath,
+    view: Annotated[str, typer.Option(metavar="X,Y,Z", help="Direction from the surface to the viewer.")],
+    out: Annotated[Path, typer.Option(metavar="FILE.exr", help="Where to write the map.")],
+    method: Annotated[str, typer.Option(help="How: see `rsibr validate` for how good each is.")] = "cabral1999",
+    resolution: Annotated[int | None, typer.Option(help="Texels a side; by default the bake's.")] = None,
+    json_output: Json = False,
+) -> None:
+    """Reconstruct the sphere map of a view that was not baked, and write it as an EXR."""
+    direction = parse_view(view)
+    from rsibr.reconstruct.reconstruction import reconstruct as run
+
+    result = run(bake, direction, method=method, resolution=resolution)
+    result.write(out)
+    if json_output:
+        state = {"file": str(out), "view": result.view.tolist(), "method": method, "seconds": result.seconds}
+        typer.echo(json.dumps(state | {"resolution": len(result.image)}))
+    else:
+        typer.echo(f"{out}: {method}, {len(result.image)}², {result.seconds * 1e3:.1f} ms (compiling included)")

@@ -1,0 +1,189 @@
+"""The distant light: a latitude–longitude map, or any Mitsuba emitter at infinity, rotated and scaled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr import backend
+from rsibr.errors import InputError
+from rsibr.scene.config import EnvironmentConfig
+from rsibr.scene.latlong import LatLong, read_latlong
+from rsibr.scene.orientation import rotated
+from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files, require_files
+
+_WHERE = "environment.emitter"
+_FIX = "see the emitters in Mitsuba's plugin reference"
+
+RADIANCE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
+    "constant": ("radiance",),
+    "directional": ("irradiance",),
+    "sunsky": ("sun_scale", "sky_scale"),
+    "timed_sunsky": ("sun_scale", "sky_scale"),
+}
+"""For each emitter at infinity that is no map, the parameters that its radiance is proportional to; 1 by default."""
+
+BRIGHTEST_SUM = 1e38
+"""Sum of an image's values beyond which the float32 table that Mitsuba samples an envmap by overflows."""
+
+FAINTEST_SUM = 1e-30
+"""Sum below which that table cannot be normalised: the density of an all-black envmap is NaN."""
+
+
+@dataclass(frozen=True, eq=False)
+class Environment:
+    """A distant environment, checked and ready for a scene. Built by `load_environment`.
+
+    Attributes
+    ----------
+    name : str
+        Stem of the file, or the emitter's type.
+    digest : str
+        SHA-256 of the content with its rotation and scale; file names do not enter.
+    image : ndarray (H, W, 3), float32, or None
+        Radiance of a map, negatives clipped, scaled; None for an emitter that is none.
+    clipped : int
+        How many negative values were clipped.
+    lowest : float
+        The most negative value that was found; 0 if none.
+    plugin : dict
+        The Mitsuba emitter as plain data, but for the image; rotation included.
+    """
+
+    name: str
+    digest: str
+    image: NDArray[np.float32] | None
+    clipped: int
+    lowest: float
+    plugin: dict[str, Any] = field(repr=False)
+
+    def emitter(self) -> dict[str, Any]:
+        """Return the emitter as a dict for `mi.load_dict`, to be nested in a scene.
+
+        An image without light becomes a `constant` emitter of radiance 0: Mitsuba's density of a black envmap is NaN.
+        """
+        if self.image is not None and not self.image.any():
+            return {"type": "constant", "radiance": 0.0}
+        emitter = dict(self.plugin)
+        if "to_world" in emitter:
+            emitter["to_world"] = mi.ScalarTransform4f(np.array(emitter["to_world"], dtype=np.float64))
+        if self.image is not None:
+            emitter["bitmap"] = mi.Bitmap(self.image)
+        return emitter
+
+
+def load_environment(config: EnvironmentConfig) -> Environment:
+    """Read and check an environment.
+
+    Parameters
+    ----------
+    config : EnvironmentConfig
+        A file, or a Mitsuba emitter; rotation about +Y [°] and scale.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be used (see `rsibr.scene.latlong.read_latlong`), Mitsuba refuses the emitter, or the emitter
+        is not at infinity, cannot be scaled, or sends radiance that is negative or not finite.
+
+    Notes
+    -----
+    An emitter dict of type `envmap` is read and checked as a file is. Mitsuba places the rows of an envmap at
+    v = j/(H−1), so that the first and the last lie on the poles, and its columns at u = (i+½)/W.
+    """
+    backend.use()
+    plugin: dict[str, Any] = config.emitter or {"type": "envmap", "filename": str(config.file)}
+    name = config.file.stem if config.file else str(plugin["type"])
+    plugin = rotated(plugin, config.rotation_deg, _WHERE)
+    build = _map if plugin["type"] == "envmap" else _plain
+    environment = build(name, plugin, config.scale)
+    _check_emitter(environment, str(config.file) if config.file else _WHERE)
+    return environment
+
+
+def _map(name: str, plugin: dict[str, Any], scale: float) -> Environment:
+    if "filename" not in plugin:
+        raise InputError("an envmap needs the key filename", where=_WHERE, fix="or give environment.file")
+    path = Path(plugin.pop("filename"))
+    own_scale = plugin.pop("scale", 1.0)
+    if isinstance(own_scale, bool) or not isinstance(own_scale, int | float) or own_scale <= 0.0:
+        raise InputError(f"scale = {own_scale} should be a positive number", where=_WHERE)
+    latlong = read_latlong(path)
+    image = _usable(latlong, scale * own_scale, path)
+    shape = "x".join(map(str, image.shape))
+    digest = content_digest(f"{canonical_json(plugin)} {shape}", data=image.astype("<f4").tobytes())
+    return Environment(name, digest, image, latlong.clipped, latlong.lowest, plugin)
+
+
+def _usable(latlong: LatLong, scale: float, path: Path) -> NDArray[np.float32]:
+    """Scale the image, and refuse what Mitsuba's sampling table cannot hold."""
+    with np.errstate(over="ignore", under="ignore"):
+        image: NDArray[np.float32] = latlong.image * np.float32(scale)
+    total = float(image.sum(dtype=np.float64))
+    if not total < BRIGHTEST_SUM:
+        raise InputError(
+            f"its values sum up to {total:.3g}, more than {BRIGHTEST_SUM:.0e}", where=str(path), fix="lower the scale"
+        )
+    if total < FAINTEST_SUM:
+        return np.zeros_like(image)
+    if len(image) > 1 and float(image[1:].sum(dtype=np.float64)) < FAINTEST_SUM:
+        raise InputError(
+            "only its first row has light: it lies on the pole, where Mitsuba cannot sample it",
+            where=str(path),
+            fix="use a map with more rows",
+        )
+    return image
+
+
+def _plain(name: str, plugin: dict[str, Any], scale: float) -> Environment:
+    require_files(plugin, _WHERE)
+    plugin = plugin if scale == 1.0 else _scaled(plugin, scale)
+    digest = content_digest(canonical_json(plugin), named_files(plugin))
+    return Environment(name, digest, None, 0, 0.0, plugin)
+
+
+def _scaled(plugin: dict[str, Any], scale: float) -> dict[str, Any]:
+    parameters = RADIANCE_PARAMETERS.get(plugin["type"])
+    if parameters is None:
+        raise InputError(
+            f"no way is known to scale an emitter of type {plugin['type']}",
+            where="environment.scale",
+            fix="scale the emitter's own parameters",
+        )
+    return {**plugin, **{name: _product(plugin.get(name, 1.0), scale, name) for name in parameters}}
+
+
+def _product(value: Any, scale: float, name: str) -> Any:
+    if isinstance(value, Mapping) and value["type"] == "rgb" and "value" in value:
+        return {**value, "value": _product(value["value"], scale, name)}
+    if isinstance(value, list):
+        return [_product(item, scale, name) for item in value]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return value * scale
+    raise InputError(
+        f"{name} is neither a number nor an rgb colour", where="environment.scale", fix=f"scale {name} itself"
+    )
+
+
+def _check_emitter(environment: Environment, where: str) -> None:
+    """Load the emitter into a scene of its own and look at it from every side."""
+    with mitsuba_errors(where, _FIX):
+        emitters = mi.load_dict({"type": "scene", "emitter": environment.emitter()}).emitters()
+    if len(emitters) != 1 or not mi.has_flag(emitters[0].flags(), mi.EmitterFlags.Infinite):
+        raise InputError(
+            f"{environment.name} is no emitter at infinity",
+            where=where,
+            fix=f"use envmap, {', '.join(RADIANCE_PARAMETERS)}",
+        )
+    si = dr.zeros(mi.SurfaceInteraction3f)
+    si.wi = -mi.warp.square_to_uniform_sphere(mi.Point2f(*dr.meshgrid(*[dr.linspace(mi.Float, 0.01, 0.99, 32)] * 2)))
+    radiance = np.array(emitters[0].eval(si))
+    if not (np.isfinite(radiance).all() and (radiance >= 0.0).all()):
+        raise InputError("sends radiance that is negative or not finite", where=where, fix=_FIX)

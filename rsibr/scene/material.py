@@ -1,0 +1,106 @@
+"""The material: a preset, a Mitsuba BSDF as plain data, or a Mitsuba XML file; opaque, and the same all over."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import mitsuba as mi
+
+from rsibr import backend
+from rsibr.errors import InputError
+from rsibr.resources import scenes
+from rsibr.scene.config import MaterialConfig
+from rsibr.scene.mitsuba_bsdf import BsdfSource, bsdf_digest, load_bsdf
+from rsibr.scene.plugin import require_files
+
+PRESETS = ("clearcoat-red", "glossy-plastic", "matte-lambert", "mirror-silver", "rough-aluminium")
+"""Names of the materials that come with rsibr, `scenes/materials/NAME.xml`."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """A material, checked. Built by `load_material`.
+
+    Attributes
+    ----------
+    name : str
+        Name of the preset, type of the BSDF, or stem of the XML file.
+    digest : str
+        SHA-256 of the content; file names do not enter.
+    warp : {"mirror", "normal"}
+        What its map is indexed by when it is warped as one lobe: the mirrored view direction, or the surface normal.
+    """
+
+    name: str
+    digest: str
+    warp: Literal["mirror", "normal"]
+    _source: BsdfSource = field(repr=False)
+    _where: str = field(repr=False, compare=False)
+
+    def bsdf(self) -> mi.BSDF:
+        """Load the BSDF in the current variant."""
+        return load_bsdf(self._source, self._where)
+
+
+def load_material(config: MaterialConfig) -> Material:
+    """Load and check a material.
+
+    Parameters
+    ----------
+    config : MaterialConfig
+        A preset, a BSDF or a file, and the warp.
+
+    Raises
+    ------
+    InputError
+        If the preset or the file does not exist, Mitsuba refuses the BSDF (see `rsibr.scene.mitsuba_bsdf.load_bsdf`),
+        or light passes through it.
+    """
+    backend.use()
+    name, source, where = _source_of(config)
+    bsdf = load_bsdf(source, where)
+    _require_opaque(bsdf, name, where)
+    warp = _natural_warp(bsdf) if config.warp == "auto" else config.warp
+    return Material(name, bsdf_digest(source, where), warp, source, where)
+
+
+def _source_of(config: MaterialConfig) -> tuple[str, BsdfSource, str]:
+    if config.preset is not None:
+        path = _preset_file(config.preset)
+        return config.preset, path, str(path)
+    if config.bsdf is not None:
+        require_files(config.bsdf, "material.bsdf")
+        return str(config.bsdf["type"]), config.bsdf, "material.bsdf"
+    path = Path(config.file or "")
+    if not path.is_file():
+        raise InputError("there is no such material file", where=str(path), fix="check the path")
+    return path.stem, path, str(path)
+
+
+def _preset_file(name: str) -> Path:
+    if name not in PRESETS:
+        near = difflib.get_close_matches(name, PRESETS, n=1)
+        raise InputError(
+            f"unknown preset '{name}'{f', did you mean {near[0]!r}?' if near else ''}",
+            where="material.preset",
+            fix=f"use one of: {', '.join(PRESETS)}",
+        )
+    return scenes() / "materials" / f"{name}.xml"
+
+
+def _require_opaque(bsdf: mi.BSDF, name: str, where: str) -> None:
+    if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Transmission):  # Null counts as transmission
+        raise InputError(
+            f"'{name}' lets light through, and the sphere that is rendered is opaque",
+            where=where,
+            fix="use a BSDF that only reflects",
+        )
+
+
+def _natural_warp(bsdf: mi.BSDF) -> Literal["mirror", "normal"]:
+    flags = mi.BSDFFlags
+    shiny = mi.has_flag(bsdf.flags(), flags.Glossy) or mi.has_flag(bsdf.flags(), flags.Delta)
+    return "mirror" if shiny else "normal"

@@ -1,0 +1,145 @@
+"""Loads a BSDF into Mitsuba from plain data or from XML, after the checks that Mitsuba itself does not survive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import mitsuba as mi
+
+from rsibr.errors import InputError
+from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files
+
+BsdfSource = dict[str, Any] | Path
+"""A Mitsuba BSDF as plain data, or the XML file that holds it."""
+
+NESTED: Mapping[str, tuple[int, int]] = {"blendbsdf": (2, 2), "twosided": (1, 2), "mask": (1, 1)}
+"""How many nested BSDFs a wrapper takes, at least and at most. A `blendbsdf` without any ends the process."""
+
+_TEXTURES = ("bitmap", "checkerboard", "mesh_attribute", "volume")
+_FIX = "see the BSDFs in Mitsuba's plugin reference; a colour is {type = 'rgb', value = [r, g, b]}"
+
+
+def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
+    """Load a BSDF in the current variant.
+
+    Parameters
+    ----------
+    source : dict or Path
+        Plain data, or an XML file whose root is a BSDF or a scene with exactly one (others may nest in it).
+    where : str
+        File or config key that an error names.
+
+    Raises
+    ------
+    InputError
+        If it is not well-formed, names an unknown plugin or parameter, is no BSDF, lacks nested BSDFs, or is textured:
+        a sphere map holds one material.
+    """
+    folder = source.parent if isinstance(source, Path) else None
+    with _search_path(folder):
+        state = _parse(source, where)
+        _check_nodes(state, where)
+        _root_at_bsdf(state, where)
+        with mitsuba_errors(where, _FIX):
+            return mi.parser.instantiate(_parser_config(), state)
+
+
+def bsdf_digest(source: BsdfSource, where: str) -> str:
+    """SHA-256 of a BSDF's content, with the content of the files that it names; its own file name does not enter.
+
+    Comments and white space in XML do not count.
+    """
+    if isinstance(source, dict):
+        return content_digest(canonical_json(source), named_files(source))
+    with _search_path(source.parent):
+        xml_files = [Path(str(file)) for file in _parse(source, where).files]
+    try:
+        texts = [ElementTree.canonicalize(from_file=str(file), strip_text=True) for file in xml_files]
+        data_files = [file for xml in xml_files for file in _files_named_in(xml) if file.is_file()]
+    except ElementTree.ParseError as error:
+        raise InputError(f"is not well-formed XML: {error}", where=where) from None
+    return content_digest("\n".join(texts), data_files)
+
+
+def _parser_config() -> mi.parser.ParserConfig:
+    config = mi.parser.ParserConfig(mi.variant())
+    config.merge_meshes = config.merge_equivalent = False  # so that the nodes stay as they were written
+    return config
+
+
+def _parse(source: BsdfSource, where: str) -> mi.parser.ParserState:
+    config = _parser_config()
+    with mitsuba_errors(where, _FIX):
+        parse = mi.parser.parse_file if isinstance(source, Path) else mi.parser.parse_dict
+        state = parse(config, str(source) if isinstance(source, Path) else source)
+        mi.parser.transform_all(config, state)
+        return state
+
+
+def _check_nodes(state: mi.parser.ParserState, where: str) -> None:
+    for node in state.nodes:
+        name = node.props.plugin_name()
+        if node.type == mi.ObjectType.Texture and name in _TEXTURES:
+            raise InputError(
+                f"the texture '{name}' varies over the surface, and a sphere map holds one material",
+                where=where,
+                fix="use a constant value",
+            )
+        fewest, most = NESTED.get(name, (0, len(state.nodes)))
+        nested = sum(child.type == mi.ObjectType.BSDF for child in _children(state, node))
+        if node.type == mi.ObjectType.BSDF and not fewest <= nested <= most:
+            wanted = str(fewest) if fewest == most else f"{fewest} or {most}"
+            raise InputError(f"'{name}' has {nested} nested BSDFs, and takes {wanted}", where=where, fix=_FIX)
+
+
+def _root_at_bsdf(state: mi.parser.ParserState, where: str) -> None:
+    """Make the one BSDF of a scene the root, so that nothing else of the scene is loaded."""
+    if state.root.type != mi.ObjectType.Scene:
+        _require_bsdf(state.root, where)
+        return
+    bsdfs = [node for node in state.nodes if node.type == mi.ObjectType.BSDF]
+    nested = {id_ for node in bsdfs for id_ in _references(node)}
+    top = [i for i, node in enumerate(state.nodes) if node.type == mi.ObjectType.BSDF and i not in nested]
+    if len(top) != 1:
+        raise InputError(f"the scene holds {len(top)} BSDFs, not one", where=where, fix="leave exactly one in it")
+    state.nodes[0] = state.nodes[top[0]]
+
+
+def _require_bsdf(node: mi.parser.SceneNode, where: str) -> None:
+    # A dictionary node of a plugin that Mitsuba does not know has no type yet: instantiation says so.
+    if node.type not in (mi.ObjectType.BSDF, mi.ObjectType.Unknown):
+        kind = str(node.type).rpartition(".")[2].lower()
+        raise InputError(f"'{node.props.plugin_name()}' is a {kind}, not a BSDF", where=where, fix=_FIX)
+
+
+def _references(node: mi.parser.SceneNode) -> list[int]:
+    values = (node.props[key] for key in node.props.keys())  # noqa: SIM118  # Properties iterates over nothing
+    return [value.index() for value in values if isinstance(value, mi.Properties.ResolvedReference)]
+
+
+def _children(state: mi.parser.ParserState, node: mi.parser.SceneNode) -> list[mi.parser.SceneNode]:
+    return [state.nodes[i] for i in _references(node)]
+
+
+def _files_named_in(xml: Path) -> list[Path]:
+    elements = ElementTree.parse(xml).getroot().iter()
+    names = [e.get("value") if e.get("name") == "filename" else e.get("filename") for e in elements]
+    return [xml.parent / name for name in names if name]
+
+
+@contextmanager
+def _search_path(folder: Path | None) -> Iterator[None]:
+    """Let Mitsuba look for relative file names in `folder` first, as `mi.load_file` does."""
+    before = mi.file_resolver()
+    resolver = mi.FileResolver(before)
+    if folder is not None:
+        resolver.prepend(str(folder))
+    mi.set_file_resolver(resolver)
+    try:
+        yield
+    finally:
+        mi.set_file_resolver(before)

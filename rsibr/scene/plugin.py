@@ -1,0 +1,95 @@
+"""Mitsuba plugins as plain data: what the environment and the material share when they hand one to Mitsuba."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rsibr.errors import InputError
+
+_NOISE = (
+    (r"\[\w+\.(cpp|h):\d+\]\s*", ""),  # where in Mitsuba's sources
+    (r"^(At|While loading|Error while loading) (dictionary node \"[^\"]*\"|\S+)( \(line[^)]*\))?:\s*", ""),
+    (r"failed to instantiate \w+ plugin of type (\"[^\"]*\"):", r"\1:"),
+    (r"\[\w+\]\s*", ""),  # the class that complains
+)
+
+
+@contextmanager
+def mitsuba_errors(where: str, fix: str) -> Iterator[None]:
+    """Turn what Mitsuba raises inside the block into an `InputError` of one line.
+
+    Parameters
+    ----------
+    where, fix : str
+        As `InputError` takes them.
+    """
+    try:
+        yield
+    except (RuntimeError, ValueError, TypeError, MemoryError) as error:
+        raise InputError(essential_sentence(str(error) or type(error).__name__), where=where, fix=fix) from None
+
+
+def essential_sentence(message: str) -> str:
+    """Cut a Mitsuba error message down to the sentence that tells the user something.
+
+    Examples
+    --------
+    >>> essential_sentence('[a.cpp:1] At dictionary node "e": failed to instantiate bsdf plugin of type "x": [P] No!')
+    '"x": No'
+    """
+    text = " ".join(message.split())
+    for pattern, replacement in _NOISE:
+        text = re.sub(pattern, replacement, text)
+    sentence: str = re.split(r"(?<!e\.g)\. ", text)[0]
+    return sentence.rstrip(" .!")
+
+
+def named_files(plugin: Mapping[str, Any]) -> list[Path]:
+    """Return the files that a plugin and those nested in it name under the key `filename`."""
+    files: list[Path] = []
+    for key, value in plugin.items():
+        if isinstance(value, Mapping):
+            files += named_files(value)
+        elif key == "filename":
+            files.append(Path(value))
+    return files
+
+
+def require_files(plugin: Mapping[str, Any], where: str) -> None:
+    """Raise an `InputError` that names the first file which the plugin needs and which is not there."""
+    for file in named_files(plugin):
+        if not file.is_file():
+            raise InputError(f"there is no file {file}", where=where, fix="check the path under filename")
+
+
+def content_digest(text: str, files: Iterable[Path] = (), data: bytes = b"") -> str:
+    """SHA-256 over a description, the contents of files, and raw data.
+
+    The names of the files do not enter: a scene that has been moved keeps its digest.
+    """
+    digest = hashlib.sha256(text.encode())
+    for file in files:
+        with file.open("rb") as stream:
+            digest.update(hashlib.file_digest(stream, "sha256").digest())
+    digest.update(data)
+    return digest.hexdigest()
+
+
+def canonical_json(plugin: Mapping[str, Any]) -> str:
+    """Describe a plugin without the names of its files.
+
+    The order of the keys stays: Mitsuba takes nested plugins by position.
+    """
+
+    def without_names(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {key: "" if key == "filename" else without_names(item) for key, item in value.items()}
+        return value
+
+    return json.dumps(without_names(plugin), allow_nan=False)
