@@ -25,7 +25,6 @@ setup: $(LLVM) ## virtual environment, dependencies, package, libLLVM
 
 demo: setup ## the main job, small: bake, reconstruct, validate; report in out/demo
 	@$(WITH_LLVM) $(BIN)/rsibr demo --out $(OUT)/demo
-	@echo "report: $(OUT)/demo/report.html"
 
 test: setup ## the fast tests
 	@$(WITH_LLVM) $(BIN)/python -m pytest -m "not slow"
@@ -48,7 +47,8 @@ bench: setup ## the benchmarks
 
 notebooks: setup ## execute the notebooks into out/notebooks
 	@mkdir -p $(OUT)/notebooks
-	@$(WITH_LLVM) $(BIN)/jupyter-execute --output="../$(OUT)/notebooks/{notebook_name}" notebooks/*.ipynb
+	@$(WITH_LLVM) $(BIN)/jupyter-execute --log-level=WARN --output="../$(OUT)/notebooks/{notebook_name}" notebooks/*.ipynb
+	@echo "notebooks: executed into $(OUT)/notebooks"
 
 lock: $(CREATED) ## resolve the dependencies anew into requirements.lock
 	@$(PIP) install uv

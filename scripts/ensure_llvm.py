@@ -58,7 +58,7 @@ def main(env_file: Path) -> None:
     if library is None:
         raise MachineError("no usable libLLVM, and no package manager here could install it", fix=INSTALL_LLVM)
     say(f"{probe(library)} at {library}")
-    env_file.write_text(f': "${{{variable}:={shlex.quote(str(library))}}}"\nexport {variable}\n')
+    env_file.write_text(f'[ -n "${{{variable}:-}}" ] || {variable}={shlex.quote(str(library))}\nexport {variable}\n')
 
 
 def say(line: str) -> None:

@@ -13,6 +13,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.resident import resident
 from rsibr.geometry.sphere_map import normal_from_disk, texel_coverage
 
 LEAST_COVERAGE = 1e-3
@@ -48,7 +49,7 @@ class SphereIntegrator:
         self._samples_light = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
         self._samples_bsdf = self._light.environment() is not None
         self._resolution = resolution
-        self._texels = mi.UInt32(np.flatnonzero(self.coverage).astype(np.uint32))
+        self._texels = resident(mi.UInt32, np.flatnonzero(self.coverage).astype(np.uint32))
 
     def block(self, frame: NDArray[np.float64], samples: int, seeds: np.random.SeedSequence) -> NDArray[np.float32]:
         """Mean radiance of each texel over one block of samples.

@@ -19,7 +19,6 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-import rsibr
 from rsibr.bake.atomic import checksum, read_bytes, write_atomic
 from rsibr.errors import BakeError
 
@@ -138,7 +137,7 @@ def encode_map(map_file: MapFile) -> bytes:
         "type": OpenEXR.scanlineimage,
         "compression": OpenEXR.ZIP_COMPRESSION,
         "chromaticities": REC709,
-        "software": f"rsibr {rsibr.__version__}",
+        "software": "rsibr",
         VIEW_KEY: np.asarray(map_file.view, np.float32),
         FRAME_KEY: np.ascontiguousarray(map_file.frame, np.float32),
         DIGEST_KEY: _digest(map_file),

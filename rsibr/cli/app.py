@@ -49,9 +49,8 @@ def main() -> NoReturn:
         _say(error)
         sys.exit(error.exit_code)
     except MemoryError:
-        error = MachineError("out of memory", fix="lower map.resolution, or free memory")
-        _say(error)
-        sys.exit(error.exit_code)
+        _say(MachineError("out of memory", fix="lower map.resolution, or free memory"))
+        sys.exit(MachineError.exit_code)
     except KeyboardInterrupt:
         typer.echo("interrupted", err=True)
         sys.exit(INTERRUPTED)

@@ -9,6 +9,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.resident import resident
+
 _INNER = np.uint32(0xFFFFFFFF)
 _SLACK = 1e-6  # a cap's radius is rounded to float32; the smallest triangles, at subdivision 5, are 3e-2 wide
 
@@ -60,10 +62,10 @@ class CapTree:
 
         add(np.arange(len(corners)))
         return cls(
-            cap=mi.Float(np.asarray(caps, dtype=np.float32).ravel()),
-            skip=mi.UInt32(np.asarray(skips, dtype=np.uint32)),
-            triangle=mi.UInt32(np.asarray(triangles, dtype=np.uint32)),
-            corners=mi.Float(corners.astype(np.float32).ravel()),
+            cap=resident(mi.Float, np.asarray(caps, dtype=np.float32)),
+            skip=resident(mi.UInt32, np.asarray(skips, dtype=np.uint32)),
+            triangle=resident(mi.UInt32, np.asarray(triangles, dtype=np.uint32)),
+            corners=resident(mi.Float, corners.astype(np.float32)),
             size=dr.opaque(mi.UInt32, len(caps)),
         )
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsibr.errors import InputError
 from rsibr.geometry.cap_tree import CapTree
+from rsibr.geometry.resident import resident
 
 MAX_SUBDIVISION = 5
 """10 242 views: beyond it the triangles' sides come near the resolution of float32 weights, and no use is known."""
@@ -43,12 +44,12 @@ class Viewpoints:
     @cached_property
     def device_directions(self) -> mi.Float:
         """`directions` as a flat device array."""
-        return mi.Float(self.directions.astype(np.float32).ravel())
+        return resident(mi.Float, self.directions.astype(np.float32))
 
     @cached_property
     def device_triangles(self) -> mi.UInt32:
         """`triangles` as a flat device array."""
-        return mi.UInt32(self.triangles.astype(np.uint32).ravel())
+        return resident(mi.UInt32, self.triangles.astype(np.uint32))
 
     def direction(self, index: mi.UInt32) -> mi.Vector3f:
         """Stored direction of the view `index`, one a lane."""
@@ -162,7 +163,7 @@ def _unit_directions(directions: ArrayLike) -> NDArray[np.float64]:
     vertices = vertices / lengths[:, None]
     if len(np.unique(vertices.round(6), axis=0)) < len(vertices):
         raise InputError("two directions coincide", where="views", fix="give each direction once")
-    return vertices
+    return np.asarray(vertices)
 
 
 def _checked_triangles(triangles: ArrayLike, count: int) -> NDArray[np.int64]:
@@ -181,7 +182,7 @@ def _hull(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
     from scipy.spatial import ConvexHull, QhullError  # noqa: PLC0415  # only this function needs it
 
     try:
-        return ConvexHull(vertices).simplices.astype(np.int64)
+        return np.asarray(ConvexHull(vertices).simplices, dtype=np.int64)
     except QhullError:
         raise InputError("the directions lie in one plane", where="views", fix="spread them over the sphere") from None
 
@@ -191,4 +192,4 @@ def _solid_angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     numerator = np.einsum("ij,ij->i", a, np.cross(b - a, c - a))
     denominator = 1 + (a * b).sum(1) + (b * c).sum(1) + (c * a).sum(1)
-    return 2 * np.arctan2(numerator, denominator)
+    return np.asarray(2 * np.arctan2(numerator, denominator))

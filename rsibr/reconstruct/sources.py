@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from rsibr.geometry.resident import resident
+
 
 @dataclass
 class StoredView:
@@ -71,8 +73,8 @@ class SourceMaps:
         for image, covered, texel in zip(radiance, coverage > 0, texels, strict=True):
             texel[..., :3] = _filled_outward(image, covered)
         return cls(
-            texels=mi.Float(texels.ravel()),
-            frames=mi.Float(np.swapaxes(frames, 1, 2).astype(np.float32).ravel()),
+            texels=resident(mi.Float, texels),
+            frames=resident(mi.Float, np.swapaxes(frames, 1, 2).astype(np.float32)),
             resolution=dr.opaque(mi.UInt32, resolution),
         )
 

@@ -153,9 +153,9 @@ def _scaled(plugin: dict[str, Any], scale: float) -> dict[str, Any]:
     parameters = RADIANCE_PARAMETERS.get(plugin["type"])
     if parameters is None:
         raise InputError(
-            f"no way is known to scale an emitter of type {plugin['type']}",
+            f"'{plugin['type']}' is no emitter at infinity that can be scaled",
             where="environment.scale",
-            fix="scale the emitter's own parameters",
+            fix=f"use envmap, {', '.join(RADIANCE_PARAMETERS)}, or leave the scale at 1",
         )
     return {**plugin, **{name: _product(plugin.get(name, 1.0), scale, name) for name in parameters}}
 

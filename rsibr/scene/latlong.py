@@ -95,8 +95,7 @@ def _is_exr(path: Path) -> bool:
 
 def _check_whole_panorama(path: Path) -> None:
     header = OpenEXR.File(str(path), header_only=True).header(0)
-    windows = [np.ravel(header[name]) for name in ("dataWindow", "displayWindow")]
-    if not np.array_equal(*windows):
+    if not np.array_equal(np.ravel(header["dataWindow"]), np.ravel(header["displayWindow"])):
         raise InputError(
             "shows only a part of its panorama (data and display window differ)",
             where=str(path),

@@ -84,7 +84,7 @@ def _preset_file(name: str) -> Path:
     if name not in PRESETS:
         near = difflib.get_close_matches(name, PRESETS, n=1)
         raise InputError(
-            f"unknown preset '{name}'{f', did you mean {near[0]!r}?' if near else ''}",
+            f"unknown preset '{name}'{f' (did you mean {near[0]!r}?)' if near else ''}",
             where="material.preset",
             fix=f"use one of: {', '.join(PRESETS)}",
         )

@@ -20,7 +20,7 @@ NESTED: Mapping[str, tuple[int, int]] = {"blendbsdf": (2, 2), "twosided": (1, 2)
 """How many nested BSDFs a wrapper takes, at least and at most. A `blendbsdf` without any ends the process."""
 
 _TEXTURES = ("bitmap", "checkerboard", "mesh_attribute", "volume")
-_FIX = "see the BSDFs in Mitsuba's plugin reference; a colour is {type = 'rgb', value = [r, g, b]}"
+_FIX = "see the BSDFs in Mitsuba's plugin reference"
 
 
 def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
@@ -113,12 +113,13 @@ def _require_bsdf(node: mi.parser.SceneNode, where: str) -> None:
     # A dictionary node of a plugin that Mitsuba does not know has no type yet: instantiation says so.
     if node.type not in (mi.ObjectType.BSDF, mi.ObjectType.Unknown):
         kind = str(node.type).rpartition(".")[2].lower()
-        raise InputError(f"'{node.props.plugin_name()}' is a {kind}, not a BSDF", where=where, fix=_FIX)
+        raise InputError(f"'{node.props.plugin_name()}' is not a BSDF ({kind})", where=where, fix=_FIX)
 
 
 def _references(node: mi.parser.SceneNode) -> list[int]:
-    values = (node.props[key] for key in node.props.keys())  # noqa: SIM118  # Properties iterates over nothing
-    return [value.index() for value in values if isinstance(value, mi.Properties.ResolvedReference)]
+    # Only references are read: Mitsuba takes a property that has been read for one that the plugin knows.
+    props, reference = node.props, mi.Properties.Type.ResolvedReference
+    return [props[key].index() for key in props.keys() if props.type(key) == reference]  # noqa: SIM118
 
 
 def _children(state: mi.parser.ParserState, node: mi.parser.SceneNode) -> list[mi.parser.SceneNode]:

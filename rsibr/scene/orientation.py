@@ -36,8 +36,8 @@ def rotated(plugin: dict[str, Any], angle_deg: float, where: str) -> dict[str, A
     Returns
     -------
     dict
-        The emitter with `to_world` composed, and the directions that Mitsuba takes in world space (`direction` of
-        `directional`, `sun_direction` of `sunsky`) turned with it.
+        The emitter with `to_world` composed, absent where it would be the identity; and the directions that Mitsuba
+        takes in world space (`direction` of `directional`, `sun_direction` of `sunsky`) turned with it.
 
     Notes
     -----
@@ -50,9 +50,10 @@ def rotated(plugin: dict[str, Any], angle_deg: float, where: str) -> dict[str, A
             result[key] = (rotation[:3, :3] @ _numbers(result[key], (3,), f"{where}.{key}")).tolist()
     if "direction" in result:  # which Mitsuba accepts only without to_world
         return result
-    default = _Z_UP_TO_Y_UP if plugin["type"] in _Z_UP else np.eye(4).tolist()
-    frame = _numbers(result.get("to_world", default), (4, 4), f"{where}.to_world")
-    result["to_world"] = (rotation @ frame).tolist()
+    upright = _Z_UP_TO_Y_UP if plugin["type"] in _Z_UP else np.eye(4)
+    frame = rotation @ _numbers(result.get("to_world", upright), (4, 4), f"{where}.to_world")
+    if not np.array_equal(frame, np.eye(4)):  # a plugin without to_world refuses even that
+        result["to_world"] = frame.tolist()
     return result
 
 

@@ -12,12 +12,19 @@ from typing import Any
 
 from rsibr.errors import InputError
 
-_NOISE = (
+_REWRITES = (
     (r"\[\w+\.(cpp|h):\d+\]\s*", ""),  # where in Mitsuba's sources
-    (r"^(At|While loading|Error while loading) (dictionary node \"[^\"]*\"|\S+)( \(line[^)]*\))?:\s*", ""),
+    (
+        r"^(At|(Error )?[Ww]hile loading) (dictionary node \"[^\"]*\"|.*?(?= \(line ))(?P<line> \(line[^)]*\))?:\s*",
+        r"\g<line> ",
+    ),
+    (r"^(Parsing of|Error while loading) XML file \"[^\"]*\"( failed)?:\s*", ""),
+    (r"^\"[^\"]*\":\s*", ""),  # the file itself, which `where` names
     (r"failed to instantiate \w+ plugin of type (\"[^\"]*\"):", r"\1:"),
-    (r"\[\w+\]\s*", ""),  # the class that complains
+    (r"\[[A-Z]\w+\]\s*", ""),  # the class that complains
+    (r"^std::bad_alloc$", "it does not fit into the memory"),
 )
+_VECTOR_FOR_COLOUR = "got vector"
 
 
 @contextmanager
@@ -32,7 +39,10 @@ def mitsuba_errors(where: str, fix: str) -> Iterator[None]:
     try:
         yield
     except (RuntimeError, ValueError, TypeError, MemoryError) as error:
-        raise InputError(essential_sentence(str(error) or type(error).__name__), where=where, fix=fix) from None
+        sentence = essential_sentence(str(error) or type(error).__name__)
+        if _VECTOR_FOR_COLOUR in sentence:
+            fix = "write a colour as {type = 'rgb', value = [r, g, b]}"
+        raise InputError(sentence, where=where, fix=fix) from None
 
 
 def essential_sentence(message: str) -> str:
@@ -40,12 +50,12 @@ def essential_sentence(message: str) -> str:
 
     Examples
     --------
-    >>> essential_sentence('[a.cpp:1] At dictionary node "e": failed to instantiate bsdf plugin of type "x": [P] No!')
+    >>> essential_sentence('[a.cpp:1] At dictionary node "e": failed to instantiate bsdf plugin of type "x": [Mix] No')
     '"x": No'
     """
     text = " ".join(message.split())
-    for pattern, replacement in _NOISE:
-        text = re.sub(pattern, replacement, text)
+    for pattern, replacement in _REWRITES:
+        text = re.sub(pattern, replacement, text).strip()
     sentence: str = re.split(r"(?<!e\.g)\. ", text)[0]
     return sentence.rstrip(" .!")
 

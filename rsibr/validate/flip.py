@@ -19,8 +19,9 @@ PIXELS_PER_DEGREE = 67.0
 """A 0.7 m wide 4K screen from 0.7 m: the authors' default, pinned."""
 
 _MIDDLE_GREY = 0.18
-_STOPS_BELOW = 5
+_STOPS_BELOW = 4
 _STOPS_ABOVE = 2
+_STOPS_APART = 2
 
 
 @dataclass(frozen=True)
@@ -61,10 +62,12 @@ def exposures_for(mean_radiance: float) -> Exposures:
     Returns
     -------
     Exposures
-        One stop apart: five below middle grey, where highlights of 32 times the mean are still told apart, two above.
+        Two stops apart, four in all: from four stops below middle grey, where highlights of many times the mean are
+        still told apart, to two above it.
     """
     middle = math.log2(_MIDDLE_GREY / (mean_radiance if mean_radiance > 0 else 1.0))
-    return Exposures(middle - _STOPS_BELOW, middle + _STOPS_ABOVE, _STOPS_BELOW + _STOPS_ABOVE + 1)
+    count = (_STOPS_BELOW + _STOPS_ABOVE) // _STOPS_APART + 1  # each costs 0.1 s at 256²
+    return Exposures(middle - _STOPS_BELOW, middle + _STOPS_ABOVE, count)
 
 
 def flip_map(reference: NDArray[np.floating], test: NDArray[np.floating], exposures: Exposures) -> NDArray[np.float32]:

@@ -139,7 +139,9 @@ def test_a_flipped_bit_never_gives_another_map(tmp_path):
 def test_parts_that_disagree_are_refused(tmp_path, part):
     write_map(tmp_path / "a.exr", sphere_map())
     with OpenEXR.File(str(tmp_path / "a.exr")) as file:
-        parts = [OpenEXR.Part(dict(p.header), {k: c.pixels for k, c in p.channels.items()}, p.name()) for p in file.parts]
+        parts = [
+            OpenEXR.Part(dict(p.header), {k: c.pixels for k, c in p.channels.items()}, p.name()) for p in file.parts
+        ]
     turned = np.float32(FRAME[:, [1, 2, 0]])
     parts[part].header["rsibr:frame"] = turned
     parts[part].header["rsibr:view"] = np.ascontiguousarray(turned[:, 2])

@@ -40,11 +40,10 @@ BLACK_SKY = Sky({"type": "constant", "radiance": {"type": "rgb", "value": 0.0}})
 def slanted_sky(height: int = 256) -> Sky:
     """Radiance 1 + x/2, 1 + y/2, 1 + z/2 in red, green, blue of the unit direction: no symmetry is left.
 
-    Laid out as measured of Mitsuba's `envmap`: row 0 at +Y, u = 0 at −Z, 0.25 at +X, 0.5 at +Z.
+    Laid out as measured of Mitsuba's `envmap`: rows from +Y to −Y, both on texel centres; u = 0 at −Z, 0.25 at +X, 0.5 at +Z.
     """
     u = (np.arange(2 * height) + 0.5) / (2 * height)
-    v = (np.arange(height) + 0.5) / height
-    azimuth, polar = np.meshgrid(2 * np.pi * u, np.pi * v)
+    azimuth, polar = np.meshgrid(2 * np.pi * u, np.linspace(0, np.pi, height))
     direction = np.stack([np.sin(polar) * np.sin(azimuth), np.cos(polar), -np.sin(polar) * np.cos(azimuth)], axis=-1)
     return Sky({"type": "envmap", "bitmap": mi.Bitmap((1 + direction / 2).astype(np.float32))})
 

@@ -1,0 +1,33 @@
+"""`rsibr demo`: the main job, small, from bake to report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rsibr.cli.options import Json
+from rsibr.cli.validate import print_validation
+
+VIEWS = 8
+SAMPLES = 1024
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="Directory for the bake and the report.")] = Path("out/demo"),
+    json_output: Json = False,
+) -> None:
+    """Bake a clear-coat paint under a real sky, reconstruct novel views, compare with path tracing, write a report."""
+    from rsibr.bake.baker import bake
+    from rsibr.cli.console import bake_progress, console, note_clipped, step_progress
+    from rsibr.resources import configs
+    from rsibr.validate.validation import validate
+
+    with bake_progress() as show:
+        baked = bake(configs() / "demo.toml", out=out / "paint.rsibr", on_progress=show)
+    note_clipped(baked)
+    console.print(f"baked {baked.view_count} views of {baked.resolution}² in {baked.seconds:.1f} s: {baked.path}")
+    with step_progress("validate") as step:
+        found = validate(baked, views=VIEWS, samples=SAMPLES, out=out, on_progress=step)
+    print_validation(found, out, json_output=json_output)

@@ -1,0 +1,54 @@
+"""`rsibr validate`: hold a bake against path-traced truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rsibr.cli.options import BakePath, Json, parse_view
+
+if TYPE_CHECKING:
+    from rsibr.validate.results import Validation
+
+
+def validate(
+    bake: BakePath,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where to write report.html, metrics.json and pictures.")],
+    views: Annotated[int, typer.Option(min=1, help="Novel views: half at triangle centroids, half random.")] = 8,
+    view: Annotated[
+        list[str] | None, typer.Option(metavar="X,Y,Z", help="A view to judge at, instead of --views; repeatable.")
+    ] = None,
+    method: Annotated[list[str] | None, typer.Option(help="A method to judge; repeatable; by default all.")] = None,
+    samples: Annotated[int, typer.Option(min=8, help="Samples a texel of each path-traced reference.")] = 1024,
+    json_output: Json = False,
+) -> None:
+    """Compare the methods with path-traced references at views that were not baked: errors, times, a report."""
+    given = [parse_view(text) for text in view or ()]
+    from rsibr.cli.console import step_progress
+    from rsibr.reconstruct.methods import METHODS
+    from rsibr.validate.validation import validate as run
+
+    with step_progress("validate") as show:
+        found = run(
+            bake, views=given or views, methods=method or METHODS, samples=samples, out=out, on_progress=show
+        )
+    print_validation(found, out, json_output=json_output)
+
+
+def print_validation(found: Validation, out: Path, *, json_output: bool) -> None:
+    """Print the table of methods, or the whole of `metrics.json`."""
+    if json_output:
+        typer.echo((out / "metrics.json").read_text(encoding="utf-8"), nl=False)
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("method", "relMSE", "SMAPE", "FLIP", "map [ms]", "bake [s]", "pays after [views]")
+    for name, summary in found.summary.items():
+        pays = "never" if summary.break_even_views is None else str(summary.break_even_views)
+        row = (str(summary.rel_mse), f"{summary.smape:.4f}", f"{summary.flip:.4f}", f"{summary.seconds * 1e3:.1f}")
+        table.add_row(name, *row, f"{found.bake.seconds:.1f}", pays)
+    Console(highlight=False).print(table)
+    typer.echo(f"report: {out / 'report.html'}")
