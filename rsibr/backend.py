@@ -71,7 +71,7 @@ def inspect() -> BackendReport:
     """Look at the machine without compiling a kernel and without setting a variant."""
     has_llvm = dr.has_backend(dr.JitBackend.LLVM)
     return BackendReport(
-        cuda=dr.has_backend(dr.JitBackend.CUDA),
+        cuda=bool(dr.has_backend(dr.JitBackend.CUDA)),
         llvm_version=tuple(dr.detail.llvm_version()) if has_llvm else None,
         llvm_path=os.environ.get("DRJIT_LIBLLVM_PATH"),
     )

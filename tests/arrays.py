@@ -26,6 +26,6 @@ def unit_vectors(rng, count):
 
 
 def disk_grid(resolution):
-    """x and y of the texel centres, row 0 at the top, computed without the code under test."""
+    """X and y of the texel centres, row 0 at the top, computed without the code under test."""
     u = (np.arange(resolution) + 0.5) / resolution * 2 - 1
     return np.meshgrid(u, -u)

@@ -31,9 +31,7 @@ def validate(
     from rsibr.validate.validation import validate as run
 
     with step_progress("validate") as show:
-        found = run(
-            bake, views=given or views, methods=method or METHODS, samples=samples, out=out, on_progress=show
-        )
+        found = run(bake, views=given or views, methods=method or METHODS, samples=samples, out=out, on_progress=show)
     print_validation(found, out, json_output=json_output)
 
 

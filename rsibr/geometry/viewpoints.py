@@ -79,9 +79,7 @@ class Viewpoints:
         best, best_cosine, candidate = mi.UInt32(0), mi.Float(-2), mi.UInt32(0)
         count = dr.opaque(mi.UInt32, len(self))
 
-        def step(
-            candidate: mi.UInt32, best: mi.UInt32, best_cosine: mi.Float
-        ) -> tuple[mi.UInt32, mi.UInt32, mi.Float]:
+        def step(candidate: mi.UInt32, best: mi.UInt32, best_cosine: mi.Float) -> tuple[mi.UInt32, mi.UInt32, mi.Float]:
             cosine = dr.dot(v, self.direction(candidate))
             nearer = cosine > best_cosine
             best = dr.select(nearer, candidate, best)

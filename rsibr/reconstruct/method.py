@@ -195,5 +195,3 @@ def _interpolated(packed: mi.Float, corner: Any, share: Any, active: mi.Bool) ->
     at = [dr.gather(mi.Vector4f, packed, index, active) for index in corner]
     mean = share.x * at[0] + share.y * at[1] + share.z * at[2]
     return mi.Point2f(mean.x, mean.y), dr.clip(mean.z, LEAST_CONFIDENCE, 1)
-
-

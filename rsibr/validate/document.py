@@ -152,7 +152,7 @@ class ReferenceModel(_Model):
 class MetricsDocument(_Model):
     """`metrics.json`: how far each method's maps are from path-traced truth, and what they cost. Times in seconds."""
 
-    schema_version: Literal[1] = Field(default=1, alias="schema")
+    schema_version: Literal[1] = Field(alias="schema")
     bake: BakeModel
     reference: ReferenceModel
     views: list[ViewModel]
@@ -177,6 +177,7 @@ def metrics_document(validation: Validation) -> MetricsDocument:
     """
     references = [view.reference for view in validation.views]
     return MetricsDocument(
+        schema=1,
         bake=BakeModel(**vars(validation.bake)),
         reference=ReferenceModel(
             samples=references[0].samples,

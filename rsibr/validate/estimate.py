@@ -116,9 +116,9 @@ def jackknife(value: float, leave_one_out: NDArray[np.float64]) -> Estimate:
 
     Notes
     -----
-    Quenouille (1956): K·value − (K−1)·mean(leave-one-out) has no bias of the order 1/K left, such as that of a ratio with
-    noise above and below the line. Efron & Stein (1981): the jackknife's variance is never too small on average. Where the error is all noise, it is
-    up to twice the true one, so the interval then covers more often than it says.
+    Quenouille (1956): K·value − (K−1)·mean(leave-one-out) has no bias of the order 1/K left, such as that of a ratio
+    with noise above and below the line. Efron & Stein (1981): the jackknife's variance is never too small on average.
+    Where the error is all noise it is up to twice the true one, so the interval then covers more often than it says.
     """
     k = len(leave_one_out)
     variance = (k - 1) * float(np.var(leave_one_out))

@@ -202,8 +202,8 @@ def _relative_mse(
 def _debiased(a: Array, moments: _Moments) -> Array:
     """Relative squared error of each texel and channel, the expected share of the reference's noise taken out.
 
-    E[(a − R̄)²] = (a − R)² + σ²/K, and s² is an unbiased estimate of σ² that the same buffers give. What bias the noise of
-    the denominator leaves (a few per cent of the value at 3 % noise) the jackknife takes out.
+    E[(a − R̄)²] = (a − R)² + σ²/K, and s² is an unbiased estimate of σ² that the same buffers give. What bias the noise
+    of the denominator leaves (a few per cent of the value at 3 % noise) the jackknife takes out.
     """
     return np.asarray(((a - moments.mean) ** 2 - moments.variance) / _denominator(moments.mean))
 

@@ -162,11 +162,11 @@ class ReferenceRenderer:
         self._compiled.add(spp)
         return time.perf_counter() - start
 
-    def _buffer(self, seeds: NDArray[np.uint32], spp: int) -> NDArray[np.float64]:
+    def _buffer(self, seeds: NDArray[np.uint32], spp: int) -> NDArray[np.float32]:
         total = np.zeros((self.resolution, self.resolution, 4))
         for seed in seeds:  # one launch at a time, each read back: memory does not grow with the number of passes
             total += self._film(int(seed), spp)
-        return total / len(seeds)
+        return (total / len(seeds)).astype(np.float32)
 
     def _film(self, seed: int, spp: int) -> NDArray[np.float32]:
         """Colour, premultiplied, and alpha of one launch; shape (N, N, 4)."""
@@ -255,7 +255,7 @@ def _seeds(seed: int, frame: NDArray[np.float64], count: int) -> NDArray[np.uint
     return np.random.SeedSequence(seed, spawn_key=branch).generate_state(count).astype(np.uint32)
 
 
-def _without_coverage(films: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _without_coverage(films: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Divide coverage out of premultiplied colour, shape (K, H, W, 4), texels that were never hit aside.
 
     A texel's radiance is the ratio of two sums over all buffers, ΣL/Σα. Each buffer gets its linearisation,
@@ -263,8 +263,10 @@ def _without_coverage(films: NDArray[np.float64]) -> tuple[NDArray[np.float32], 
     buffer that happened to miss a rim texel divides nothing by zero.
     """
     colour, alpha = films[..., :3], films[..., 3:]
-    mean_alpha = alpha.mean(axis=0)
+    mean_alpha = alpha.mean(axis=0, dtype=np.float64)
     safe = np.where(mean_alpha > 0, mean_alpha, 1.0)
-    ratio = colour.mean(axis=0) / safe
-    radiance = np.where(mean_alpha > 0, ratio + (colour - ratio * alpha) / safe, 0.0)
-    return radiance.astype(np.float32), mean_alpha[..., 0].astype(np.float32)
+    ratio = colour.mean(axis=0, dtype=np.float64) / safe
+    buffers = [
+        np.where(mean_alpha > 0, ratio + (c - ratio * a) / safe, 0.0) for c, a in zip(colour, alpha, strict=True)
+    ]
+    return np.stack(buffers, dtype=np.float32, casting="same_kind"), mean_alpha[..., 0].astype(np.float32)

@@ -101,7 +101,13 @@ def _page(validation: Validation, drawn: list[_ViewPictures]) -> str:
     environment = Environment(
         loader=PackageLoader("rsibr.validate", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
-    environment.filters |= {"number": number, "estimate": estimate, "duration": duration, "size": size, "picture": _embedded}
+    environment.filters |= {
+        "number": number,
+        "estimate": estimate,
+        "duration": duration,
+        "size": size,
+        "picture": _embedded,
+    }
     environment.globals |= {"ticks": _ticks, "relative_error": RELATIVE_ERROR, "flip": FLIP}
     summary = validation.summary
     return environment.get_template("report.html.j2").render(

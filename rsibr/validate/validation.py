@@ -154,7 +154,9 @@ def _scene_of(bake: Bake) -> tuple[Environment, Material]:
     environment, material = load_environment(config.environment), load_material(config.material)
     for kind, digest in (("environment", environment.digest), ("material", material.digest)):
         if bake.manifest.identity[kind]["content"] != digest:
-            raise BakeError(f"the {kind} has changed since the bake", where=str(bake.path), fix="bake anew with --fresh")
+            raise BakeError(
+                f"the {kind} has changed since the bake", where=str(bake.path), fix="bake anew with --fresh"
+            )
     return environment, material
 
 
@@ -188,4 +190,3 @@ def _summary(bake: Bake) -> BakeSummary:
             **{f"version_{name}": version for name, version in manifest.packages.items()},
         },
     )
-

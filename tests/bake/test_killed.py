@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import synthetic
-from synthetic import MANY, baked, content, manifest, write
 
 from rsibr.bake.store import BakeWriter, open_bake
 from rsibr.errors import BakeError, RsibrError
+from tests.bake import synthetic
+from tests.bake.synthetic import MANY, baked, content, manifest, write
 
 
 @pytest.fixture(autouse=True)

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from synthetic import RESOLUTION, SECONDS, baked, content, directions, manifest, write
 
 from rsibr.bake.map_file import MapFile
 from rsibr.bake.store import BakeWriter, open_bake
 from rsibr.errors import BakeError, MachineError
+from tests.bake.synthetic import RESOLUTION, SECONDS, baked, content, directions, manifest, write
 
 # --- Whole bakes ------------------------------------------------------------------------------------------------------
 

@@ -53,7 +53,9 @@ def test_weights_agree_with_float64_inside_a_triangle(weights, rng):
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     opposite = [(b, c), (c, a), (a, b)]
     if weights is area_weights:
-        exact = np.stack([excess_float64(v, np.broadcast_to(p, v.shape), np.broadcast_to(q, v.shape)) for p, q in opposite])
+        exact = np.stack(
+            [excess_float64(v, np.broadcast_to(p, v.shape), np.broadcast_to(q, v.shape)) for p, q in opposite]
+        )
     else:
         exact = np.stack([np.linalg.det(np.stack([v, *np.broadcast_arrays(p, q, v)[:2]], axis=1)) for p, q in opposite])
     exact /= exact.sum(axis=0)

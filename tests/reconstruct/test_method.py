@@ -74,6 +74,7 @@ def test_result_does_not_depend_on_the_frame_of_the_map(name):
 @pytest.mark.parametrize("name", METHODS)
 def test_texels_outside_the_disk_are_never_read(name):
     """Hard case 13: poison there changes not a bit."""
+
     def poisoned(frame, n):
         clean = mirror_sphere(frame, n)
         clean[np.hypot(*np.meshgrid(np.arange(n) - n / 2 + 0.5, np.arange(n) - n / 2 + 0.5)) > n / 2 + 0.71] = np.nan
@@ -158,7 +159,9 @@ def test_mesh_converges_to_the_exact_warp():
     frame, errors = view_frame([0.2, 0.9, -0.4]), []
     exact = image(method(), frame, N)
     for rings in (8, 16, 32):
-        made = MeshMethod("mesh", views, sources, triangle_mix(area_weights), mirror_warp, method().cost, DiskMesh(rings, 3 * rings))
+        made = MeshMethod(
+            "mesh", views, sources, triangle_mix(area_weights), mirror_warp, method().cost, DiskMesh(rings, 3 * rings)
+        )
         errors.append(np.abs(image(made, frame, N) - exact)[inside(N, 0.9)].mean())
     assert errors[0] > 2 * errors[1] > 4 * errors[2]
 

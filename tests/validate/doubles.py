@@ -40,7 +40,8 @@ BLACK_SKY = Sky({"type": "constant", "radiance": {"type": "rgb", "value": 0.0}})
 def slanted_sky(height: int = 256) -> Sky:
     """Radiance 1 + x/2, 1 + y/2, 1 + z/2 in red, green, blue of the unit direction: no symmetry is left.
 
-    Laid out as measured of Mitsuba's `envmap`: rows from +Y to −Y, both on texel centres; u = 0 at −Z, 0.25 at +X, 0.5 at +Z.
+    Laid out as measured of Mitsuba's `envmap`: rows from +Y to −Y, both on texel centres;
+    u = 0 at −Z, 0.25 at +X, 0.5 at +Z.
     """
     u = (np.arange(2 * height) + 0.5) / (2 * height)
     azimuth, polar = np.meshgrid(2 * np.pi * u, np.linspace(0, np.pi, height))
@@ -62,6 +63,6 @@ def noisy_reference(truth: np.ndarray, noise: float, rng: np.random.Generator, b
 
 
 def smooth_map(resolution: int = 32) -> np.ndarray:
-    """A positive map with a gradient in each channel, float32."""
+    """Return a positive map with a gradient in each channel, float32."""
     ramp = np.linspace(0.2, 1.8, resolution, dtype=np.float32)
     return np.stack(np.broadcast_arrays(ramp[None, :], ramp[:, None], ramp[::-1, None]), axis=-1)

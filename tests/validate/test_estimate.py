@@ -31,7 +31,13 @@ def test_below_the_noise_floor_is_said(value, error, below):
 
 
 def test_it_reads_with_its_uncertainty():
-    assert str(Estimate(0.01234, 0.0002, 7)) == "0.0123 ± 0.0005"
+    assert str(Estimate(0.01234, 0.0002, 7)) == "0.01234 ± 0.00047"
+
+
+def test_small_and_exact_numbers_read_well_too():
+    assert str(Estimate(3.68e-4, 4.7e-6, 7)) == "(3.68 ± 0.11) × 10⁻⁴"
+    assert str(Estimate(-1e-5, 4.7e-6, 7)) == "below the noise floor, < 1.1 × 10⁻⁶"
+    assert str(Estimate(0.25, 0.0, 7)) == "0.250"
 
 
 def test_means_of_unequal_estimates_cover(rng):

@@ -16,7 +16,7 @@ INSIDE = disk().astype(bool)
 
 
 def exact(truth):
-    """A reference without noise."""
+    """Make a reference without noise."""
     return Reference(np.stack([truth] * 8), disk(len(truth)), samples=64, seconds=1.0)
 
 
@@ -119,7 +119,7 @@ def test_the_noise_floor_is_what_a_biased_rel_mse_would_show(rng):
 
 
 def headlines(error):
-    """The numbers at the head of a report, as distances from perfection."""
+    """Take the numbers at the head of a report, as distances from perfection."""
     energy = abs(error.energy_ratio - 1)
     return np.array([error.rel_mse.value, error.smape, error.flip, energy, error.worst_texel.error])
 
