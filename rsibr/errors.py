@@ -46,7 +46,7 @@ class BakeError(RsibrError):
     exit_code = 2
 
 
-class CheckFailed(RsibrError):
+class CheckFailed(RsibrError):  # noqa: N818  # it is a verdict, not an error
     """The work was done and its result does not hold (exit code 1)."""
 
     exit_code = 1

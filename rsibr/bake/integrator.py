@@ -17,7 +17,7 @@ from rsibr.geometry.resident import resident
 from rsibr.geometry.sphere_map import normal_from_disk, texel_coverage
 
 LEAST_COVERAGE = 1e-3
-"""Texels with less of their area in the disk count as outside: no filter weighs them, and finding a point of them is slow."""
+"""Texels with less of their area in the disk count as outside: their points are slow to find."""
 
 MAX_LANES = 2**22
 """Samples in one launch: bounds the memory at about 0.3 GiB whatever the resolution and the samples."""
@@ -110,7 +110,7 @@ class SphereIntegrator:
 
         generator = mi.PCG32(size=dr.width(texel), initstate=mi.UInt64(seed))
 
-        def draw(p: mi.Point2f, generator: mi.PCG32) -> tuple[mi.Point2f, mi.PCG32]:
+        def draw(_p: mi.Point2f, generator: mi.PCG32) -> tuple[mi.Point2f, mi.PCG32]:
             return point(mi.Point2f(generator.next_float32(), generator.next_float32())), generator
 
         p, _ = dr.while_loop(

@@ -77,10 +77,10 @@ class Viewpoints:
         three nearest views are not the surrounding ones.
         """
         best, best_cosine, candidate = mi.UInt32(0), mi.Float(-2), mi.UInt32(0)
-        count = dr.opaque(mi.UInt32, len(self))
+        count, directions = dr.opaque(mi.UInt32, len(self)), self.device_directions  # out here: the loop records only
 
         def step(candidate: mi.UInt32, best: mi.UInt32, best_cosine: mi.Float) -> tuple[mi.UInt32, mi.UInt32, mi.Float]:
-            cosine = dr.dot(v, self.direction(candidate))
+            cosine = dr.dot(v, dr.gather(mi.Vector3f, directions, candidate))
             nearer = cosine > best_cosine
             best = dr.select(nearer, candidate, best)
             return candidate + 1, best, dr.maximum(cosine, best_cosine)

@@ -27,9 +27,12 @@ _RECIPES: dict[str, _Recipe] = {
 }
 
 METHODS: tuple[str, ...] = tuple(_RECIPES)
-"""`nearest`: the nearest stored view as it is. `blend`: the three around, weighted, unwarped. `cabral1999`: the paper as
+"""Names of the methods.
+
+`nearest`: the nearest stored view as it is. `blend`: the three around, weighted, unwarped. `cabral1999`: the paper as
 printed, one warp for the material, area weights, fade near the singularity. `cabral1999-mesh`: the same through its
-tessellated disk."""
+tessellated disk.
+"""
 
 
 class MethodSet:

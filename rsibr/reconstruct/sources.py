@@ -104,7 +104,7 @@ class SourceMaps:
         column, row = (1 + p.x) * half - 0.5, (1 - p.y) * half - 0.5
         last = mi.Int32(self.resolution) - 2
         left, top = dr.clip(mi.Int32(dr.floor(column)), 0, last), dr.clip(mi.Int32(dr.floor(row)), 0, last)
-        # The disk ends half a texel beyond the outermost centres: there the nearest texel holds, nothing is extrapolated
+        # The disk ends half a texel beyond the outermost centres: there the nearest texel holds
         rightward, downward = dr.clip(column - mi.Float(left), 0, 1), dr.clip(row - mi.Float(top), 0, 1)
         corner = (view * self.resolution + mi.UInt32(top)) * self.resolution + mi.UInt32(left)
 

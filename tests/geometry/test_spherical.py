@@ -64,7 +64,7 @@ def test_weights_agree_with_float64_inside_a_triangle(weights, rng):
 
 
 def test_gnomonic_weights_are_continuous_across_edges_where_area_weights_jump():
-    """Hard case 3's facts: an edge's two triangles give its points other area weights, unless they are mirror images."""
+    """Hard case 3's facts: an edge's two triangles give its points other area weights."""
     views = icosphere(2)
     triangles_of = {}
     for triangle in views.triangles:
