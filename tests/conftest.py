@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rsibr import backend
+from rsibr.scene.trial import IN_TRIAL
 from tests.scene.maps import asymmetric, gradient, write_exr
 
 
@@ -16,6 +17,12 @@ from tests.scene.maps import asymmetric, gradient, write_exr
 def variant() -> str:
     """Set the Mitsuba variant of this machine, once."""
     return backend.use()
+
+
+@pytest.fixture(autouse=True)
+def _as_in_a_trial(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Load plugins straight away: a trial of each takes a second. `tests/scene/test_trial.py` takes this back."""
+    monkeypatch.setenv(IN_TRIAL, "1")
 
 
 @pytest.fixture

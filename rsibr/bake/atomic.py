@@ -35,6 +35,8 @@ def write_atomic(path: Path, data: bytes) -> None:
     BakeError
         If the folder is missing, or may not be written to.
     """
+    if not path.name or path.is_dir():
+        raise unwritable(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
     # A random part keeps two processes that write the same file out of each other's way: the last rename wins.
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}{_SUFFIX}")
     try:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rsibr.bake.baker import Progress as BakeProgress
     from rsibr.bake.store import Bake
 
-console = Console(stderr=True, highlight=False)
+console = Console(stderr=True, highlight=False, markup=False)
 
 
 @contextmanager

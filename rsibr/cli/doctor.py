@@ -233,7 +233,7 @@ def _print(diagnosis: Diagnosis) -> None:
     table.add_column(overflow="fold")
     for label, value in _rows(diagnosis):
         table.add_row(label, value)
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     console.print(table)
     for lack in diagnosis.missing:
         console.print(f"missing: {lack}", style="red", markup=False, soft_wrap=True)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.options import BakePath, Json, parse_view
+from rsibr.cli.options import BakePath, Json, check_output_file, parse_view
 
 
 def reconstruct(
@@ -21,6 +21,7 @@ def reconstruct(
 ) -> None:
     """Reconstruct the sphere map of a view that was not baked, and write it as an EXR."""
     direction = parse_view(view)
+    check_output_file(out)
     from rsibr.reconstruct.reconstruction import reconstruct as run
 
     result = run(bake, direction, method=method, resolution=resolution)

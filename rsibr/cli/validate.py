@@ -7,25 +7,29 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsibr.cli.options import BakePath, Json, parse_view
+from rsibr.cli.options import BakePath, Json, check_output_folder, parse_view
 
 if TYPE_CHECKING:
     from rsibr.validate.results import Validation
+
+MOST_VIEWS = 10_000
+"""The views of a validation are all held in memory, for its report."""
 
 
 def validate(
     bake: BakePath,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where to write report.html, metrics.json and pictures.")],
-    views: Annotated[int, typer.Option(min=1, help="Novel views: half at triangle centroids, half random.")] = 8,
+    views: Annotated[int, typer.Option(min=1, max=MOST_VIEWS, help="Novel views: half at centroids, half random.")] = 8,
     view: Annotated[
         list[str] | None, typer.Option(metavar="X,Y,Z", help="A view to judge at, instead of --views; repeatable.")
     ] = None,
     method: Annotated[list[str] | None, typer.Option(help="A method to judge; repeatable; by default all.")] = None,
-    samples: Annotated[int, typer.Option(min=8, help="Samples a texel of each path-traced reference.")] = 1024,
+    samples: Annotated[int, typer.Option(min=8, max=2**24, help="Samples a texel of each reference.")] = 1024,
     json_output: Json = False,
 ) -> None:
     """Compare the methods with path-traced references at views that were not baked: errors, times, a report."""
     given = [parse_view(text) for text in view or ()]
+    check_output_folder(out)
     from rsibr.cli.console import step_progress
     from rsibr.reconstruct.methods import METHODS
     from rsibr.validate.validation import validate as run

@@ -8,9 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from rsibr.geometry.frame import frame_of
 from rsibr.geometry.sphere_map import disk_from_normal, normal_from_disk
-from rsibr.reconstruct.sources import StoredView
 from rsibr.reconstruct.warp import LEAST_CONFIDENCE, Warp
 
 
@@ -80,32 +78,36 @@ class DiskMesh:
         return dr.select(beyond, dr.minimum(ring + 1, self.rings - 1), ring)
 
 
-def mesh_warp(mesh: DiskMesh, warp: Warp) -> Warp:
-    """Sample `warp` at the mesh's vertices and interpolate it linearly between them, in the plane of the map.
+@dataclass
+class MeshWarp:
+    """Sample a warp at the mesh's vertices and interpolate it linearly between them, in the plane of the map.
 
-    Parameters
+    Three evaluations a lane; a whole map costs far less, see `rsibr.reconstruct.method.MeshMethod`.
+
+    Attributes
     ----------
     mesh : DiskMesh
-        Tessellation of the destination disk; it lies in some frame about the view (`frame_of`).
-    warp : Warp
+        Tessellation of the destination disk.
+    exact : Warp
         The exact warp.
-
-    Returns
-    -------
-    Warp
-        Its piecewise linear approximation: three evaluations a lane. A whole map costs far less, see `MeshBlend`.
     """
 
-    def interpolated(stored: StoredView, n: mi.Vector3f, v: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
-        to_world = frame_of(v)
-        index, weight = mesh.corners(disk_from_normal(to_world.T @ n))
+    mesh: DiskMesh
+    exact: Warp
+
+    def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
+        """See `Warp`."""
+        index, weight = self.mesh.corners(disk_from_normal(n))
         p, confidence = mi.Point2f(0), mi.Float(0)
         for corner, share in zip(index, weight, strict=True):
-            at_corner, trust = warp(stored, to_world @ normal_from_disk(mesh.vertex(corner)), v)
+            at_corner, trust = self.exact(normal_from_disk(self.mesh.vertex(corner)))
             p, confidence = p + share * at_corner, confidence + share * trust
-        return p, dr.clip(confidence, LEAST_CONFIDENCE, 1)
+        return within_disk(p), dr.maximum(confidence, LEAST_CONFIDENCE)
 
-    return interpolated
+
+def within_disk(p: mi.Point2f) -> mi.Point2f:
+    """Pull points that extrapolation has put outside the disk back to its rim: beyond it a map holds nothing."""
+    return p * dr.minimum(1, dr.rsqrt(dr.maximum(dr.squared_norm(p), 1e-30)))
 
 
 def _barycentric(p: mi.Point2f, a: mi.Point2f, b: mi.Point2f, c: mi.Point2f) -> mi.Vector3f:

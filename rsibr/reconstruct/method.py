@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,12 +10,13 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.frame import frame_of
 from rsibr.geometry.sphere_map import normal_from_disk, texel_centres
 from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.reconstruct.blend import Mix, Mixture
-from rsibr.reconstruct.mesh import DiskMesh, mesh_warp
+from rsibr.reconstruct.mesh import DiskMesh, MeshWarp, within_disk
 from rsibr.reconstruct.sources import SourceMaps
-from rsibr.reconstruct.warp import LEAST_CONFIDENCE, Warp
+from rsibr.reconstruct.warp import LEAST_CONFIDENCE, Warp, WarpBetween
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Method:
         Stored maps.
     mix : Mix
         Which maps, with what weight.
-    warp : Warp
+    warp : WarpBetween
         Where to look in each.
     cost : Cost
         What was spent before.
@@ -59,9 +59,8 @@ class Method:
     viewpoints: Viewpoints
     sources: SourceMaps
     mix: Mix
-    warp: Warp
+    warp: WarpBetween
     cost: Cost
-    _kernels: dict[int, Callable[..., mi.Color3f]] = field(default_factory=dict, init=False, repr=False)
 
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` off surfaces with normal `n`.
@@ -76,9 +75,10 @@ class Method:
         mi.Color3f
             Radiance [W sr⁻¹ m⁻²], scene-linear Rec.709.
         """
-        mixture = self.mix(self.viewpoints, self.sources, v)
-        looked_up = [self.warp(stored, n, v) for stored in mixture.views]
-        return _blended(self.sources, mixture, looked_up, mi.Bool(True))
+        frame = frame_of(v)
+        mixture, warps = self._toward(frame)
+        local = frame.T @ n
+        return _blended(self.sources, mixture, [warp(local) for warp in warps])
 
     def map(self, frame: NDArray[np.float64], resolution: int) -> mi.Color3f:
         """Radiance of a whole sphere map, not yet waited for.
@@ -97,26 +97,27 @@ class Method:
 
         Notes
         -----
-        The view's sources and weights are found once, in a kernel of one lane; what changes from view to view is
-        opaque to the kernels, so that nothing is compiled anew. They are not frozen (`dr.freeze`): it saved half a
+        The view's sources, weights and warps are found once, in a kernel of one lane; what changes from view to view is
+        opaque to the kernels, so that nothing is compiled anew. They are not frozen (`dr.freeze`): it would save half a
         millisecond of tracing, and aborts the process where an array is freed while it records.
         """
         matrix = mi.Matrix3f(frame.astype(np.float32))
         dr.make_opaque(matrix)
-        mixture = self.mix(self.viewpoints, self.sources, _view_of(matrix))
-        dr.eval(mixture)
-        if resolution not in self._kernels:
-            self._kernels[resolution] = self._map_kernel(resolution)
-        return self._kernels[resolution](self.sources, mixture, matrix)
+        mixture, warps = self._toward(matrix)
+        dr.eval(mixture, warps)
+        return self._texels(resolution, mixture, warps)
 
-    def _map_kernel(self, resolution: int) -> Callable[[SourceMaps, Mixture, mi.Matrix3f], mi.Color3f]:
-        def texels(sources: SourceMaps, mixture: Mixture, matrix: mi.Matrix3f) -> mi.Color3f:
-            p = texel_centres(resolution)
-            n, v = matrix @ normal_from_disk(p), _view_of(matrix)
-            looked_up = [self.warp(stored, n, v) for stored in mixture.views]
-            return _blended(sources, mixture, looked_up, _touches_disk(p, resolution))
+    def _toward(self, frame: mi.Matrix3f) -> tuple[Mixture, list[Warp]]:
+        """The sources of the view that `frame` looks from, and the warps to them."""
+        mixture = self.mix(self.viewpoints, self.sources, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
+        return mixture, [self.warp(stored, frame) for stored in mixture.views]
 
-        return texels
+    def _texels(self, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Color3f:
+        def blended(n: mi.Vector3f) -> mi.Color3f:
+            return _blended(self.sources, mixture, [warp(n) for warp in warps])
+
+        p = texel_centres(resolution)
+        return dr.if_stmt((normal_from_disk(p),), _touches_disk(p, resolution), blended, lambda _: mi.Color3f(0))
 
 
 @dataclass(eq=False)
@@ -130,56 +131,43 @@ class MeshMethod(Method):
     """
 
     mesh: DiskMesh = field(default_factory=DiskMesh)
+    _corners: dict[int, tuple[Any, Any]] = field(default_factory=dict, init=False, repr=False)
 
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` off surfaces with normal `n`: `Method.eval`, through the mesh."""
-        mixture = self.mix(self.viewpoints, self.sources, v)
-        warp = mesh_warp(self.mesh, self.warp)
-        return _blended(self.sources, mixture, [warp(stored, n, v) for stored in mixture.views], mi.Bool(True))
+        frame = frame_of(v)
+        mixture, warps = self._toward(frame)
+        local = frame.T @ n
+        return _blended(self.sources, mixture, [MeshWarp(self.mesh, warp)(local) for warp in warps])
 
-    def _map_kernel(self, resolution: int) -> Callable[[SourceMaps, Mixture, mi.Matrix3f], mi.Color3f]:
-        # Which triangle a texel lies in does not change with the view: it is found once a resolution
+    def _texels(self, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Color3f:
         p = texel_centres(resolution)
-        reached = _touches_disk(p, resolution)
-        corner, share = self.mesh.corners(p)
-        dr.eval(corner, share, reached)
+        if resolution not in self._corners:
+            # Which triangle a texel lies in does not change with the view
+            self._corners[resolution] = self.mesh.corners(p)
+            dr.eval(self._corners[resolution])
+        n = normal_from_disk(self.mesh.vertex(dr.arange(mi.UInt32, self.mesh.vertex_count)))
+        vertices = [_packed(*warp(n)) for warp in warps]
+        dr.eval(vertices)
 
-        def at_vertices(mixture: Mixture, matrix: mi.Matrix3f) -> list[mi.Float]:
-            vertex = self.mesh.vertex(dr.arange(mi.UInt32, self.mesh.vertex_count))
-            n, v = matrix @ normal_from_disk(vertex), _view_of(matrix)
-            return [_packed(*self.warp(stored, n, v)) for stored in mixture.views]
+        def blended(corner: mi.Vector3u, share: mi.Vector3f) -> mi.Color3f:
+            return _blended(self.sources, mixture, [_interpolated(packed, corner, share) for packed in vertices])
 
-        def between(
-            sources: SourceMaps,
-            mixture: Mixture,
-            vertices: list[mi.Float],
-            corner: mi.Vector3u,
-            share: mi.Vector3f,
-            reached: mi.Bool,
-        ) -> mi.Color3f:
-            looked_up = [_interpolated(packed, corner, share, reached) for packed in vertices]
-            return _blended(sources, mixture, looked_up, reached)
-
-        def texels(sources: SourceMaps, mixture: Mixture, matrix: mi.Matrix3f) -> mi.Color3f:
-            return between(sources, mixture, at_vertices(mixture, matrix), corner, share, reached)
-
-        return texels
+        return dr.if_stmt(
+            self._corners[resolution], _touches_disk(p, resolution), blended, lambda _corner, _share: mi.Color3f(0)
+        )
 
 
 def _blended(
-    sources: SourceMaps, mixture: Mixture, looked_up: list[tuple[mi.Point2f, mi.Float]], active: mi.Bool
+    sources: SourceMaps, mixture: Mixture, looked_up: list[tuple[mi.Point2f, mi.Float]]
 ) -> mi.Color3f:
     """Σ w_i c_i S_i(p_i) / Σ w_i c_i: a weight fades where its source is not to be trusted."""
     radiance, total = mi.Color3f(0), mi.Float(0)
     for stored, weight, (p, confidence) in zip(mixture.views, mixture.weights, looked_up, strict=True):
         trusted = weight * confidence
-        radiance += trusted * sources.fetch(stored.index, p, active)
+        radiance += trusted * sources.fetch(stored.index, p)
         total += trusted
-    return radiance / total
-
-
-def _view_of(matrix: mi.Matrix3f) -> mi.Vector3f:
-    return mi.Vector3f(matrix[0, 2], matrix[1, 2], matrix[2, 2])
+    return radiance * (1 / total)
 
 
 def _touches_disk(p: mi.Point2f, resolution: int) -> mi.Bool:
@@ -191,7 +179,7 @@ def _packed(p: mi.Point2f, confidence: mi.Float) -> mi.Float:
     return dr.ravel(mi.Vector4f(p.x, p.y, confidence, 0))
 
 
-def _interpolated(packed: mi.Float, corner: Any, share: Any, active: mi.Bool) -> tuple[mi.Point2f, mi.Float]:
-    at = [dr.gather(mi.Vector4f, packed, index, active) for index in corner]
+def _interpolated(packed: mi.Float, corner: mi.Vector3u, share: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
+    at = [dr.gather(mi.Vector4f, packed, index) for index in corner]
     mean = share.x * at[0] + share.y * at[1] + share.z * at[2]
-    return mi.Point2f(mean.x, mean.y), dr.clip(mean.z, LEAST_CONFIDENCE, 1)
+    return within_disk(mi.Point2f(mean.x, mean.y)), dr.maximum(mean.z, LEAST_CONFIDENCE)

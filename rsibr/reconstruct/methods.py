@@ -15,13 +15,13 @@ from rsibr.geometry.viewpoints import from_directions
 from rsibr.reconstruct.blend import Mix, nearest_mix, triangle_mix
 from rsibr.reconstruct.method import Cost, MeshMethod, Method
 from rsibr.reconstruct.sources import SourceMaps
-from rsibr.reconstruct.warp import WARPS, Warp, no_warp
+from rsibr.reconstruct.warp import WARPS, NoWarp, WarpBetween
 
-_Recipe = Callable[[Warp], tuple[type[Method], Mix, Warp]]
+_Recipe = Callable[[WarpBetween], tuple[type[Method], Mix, WarpBetween]]
 
 _RECIPES: dict[str, _Recipe] = {
-    "nearest": lambda _: (Method, nearest_mix, no_warp),
-    "blend": lambda _: (Method, triangle_mix(area_weights), no_warp),
+    "nearest": lambda _: (Method, nearest_mix, NoWarp.between),
+    "blend": lambda _: (Method, triangle_mix(area_weights), NoWarp.between),
     "cabral1999": lambda warp: (Method, triangle_mix(area_weights), warp),
     "cabral1999-mesh": lambda warp: (MeshMethod, triangle_mix(area_weights), warp),
 }

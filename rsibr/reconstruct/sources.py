@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from rsibr.errors import MachineError
 from rsibr.geometry.resident import resident
+
+MAX_FLOATS = 2**32 - 1
+"""Entries that a Dr.Jit array can index."""
+
+_BORDER = 1
+_AROUND = ((_BORDER, _BORDER), (_BORDER, _BORDER), (0, 0))
 
 
 @dataclass
@@ -42,7 +49,8 @@ class SourceMaps:
     Attributes
     ----------
     texels : mi.Float
-        RGBA float32 of all maps, flat; A is unused and makes a texel one aligned packet of 16 bytes.
+        RGBA float32 of all maps, each with a border of one texel, flat; A is unused and makes a texel one aligned
+        packet of 16 bytes.
     frames : mi.Float
         Frame of each view, nine floats each, columns first: x, y, z in world coordinates.
     resolution : mi.UInt32
@@ -69,9 +77,14 @@ class SourceMaps:
             Columns x, y, z in world coordinates.
         """
         count, resolution = radiance.shape[:2]
-        texels = np.zeros((count, resolution, resolution, 4), dtype=np.float32)
+        stride = resolution + 2 * _BORDER
+        if 4 * count * stride**2 > MAX_FLOATS:
+            raise MachineError(
+                f"{count} maps of {resolution}² do not fit into one device array", fix="lower the resolution or the views"
+            )
+        texels = np.zeros((count, stride, stride, 4), dtype=np.float32)
         for image, covered, texel in zip(radiance, coverage > 0, texels, strict=True):
-            texel[..., :3] = _filled_outward(image, covered)
+            texel[..., :3] = _filled_outward(np.pad(image, _AROUND), np.pad(covered, _BORDER))
         return cls(
             texels=resident(mi.Float, texels),
             frames=resident(mi.Float, np.swapaxes(frames, 1, 2).astype(np.float32)),
@@ -83,7 +96,7 @@ class SourceMaps:
         x, y, v = (dr.gather(mi.Vector3f, self.frames, 3 * index + axis) for axis in range(3))
         return StoredView(index, x, y, v)
 
-    def fetch(self, view: mi.UInt32, p: mi.Point2f, active: mi.Bool) -> mi.Color3f:
+    def fetch(self, view: mi.UInt32, p: mi.Point2f) -> mi.Color3f:
         """Bilinear lookup in the map of a stored view.
 
         Parameters
@@ -91,9 +104,7 @@ class SourceMaps:
         view : mi.UInt32
             Index of the view.
         p : mi.Point2f
-            Points of the unit disk.
-        active : mi.Bool
-            Lanes to look up; the others get zero.
+            Points of the closed unit disk; never NaN.
 
         Returns
         -------
@@ -101,25 +112,23 @@ class SourceMaps:
             Radiance [W sr⁻¹ m⁻²].
         """
         half = 0.5 * mi.Float(self.resolution)
-        column, row = (1 + p.x) * half - 0.5, (1 - p.y) * half - 0.5
-        last = mi.Int32(self.resolution) - 2
-        left, top = dr.clip(mi.Int32(dr.floor(column)), 0, last), dr.clip(mi.Int32(dr.floor(row)), 0, last)
-        # The disk ends half a texel beyond the outermost centres: there the nearest texel holds
-        rightward, downward = dr.clip(column - mi.Float(left), 0, 1), dr.clip(row - mi.Float(top), 0, 1)
-        corner = (view * self.resolution + mi.UInt32(top)) * self.resolution + mi.UInt32(left)
+        # A map's border of one texel makes every coordinate positive and every neighbour exist: nothing is clamped
+        column, row = dr.fma(p.x, half, half + 0.5), dr.fma(p.y, -half, half + 0.5)
+        left, top = mi.UInt32(column), mi.UInt32(row)
+        rightward, downward = column - mi.Float(left), row - mi.Float(top)
+        stride = self.resolution + 2 * _BORDER
+        corner = dr.fma(top, stride, left) + view * (stride * stride)
 
-        def texel(offset: mi.UInt32 | int) -> mi.Vector4f:
-            return dr.gather(mi.Vector4f, self.texels, corner + offset, active)
+        def texel(offset: mi.UInt32 | int) -> mi.Color3f:
+            packet = dr.gather(mi.Vector4f, self.texels, corner + offset)
+            return mi.Color3f(packet.x, packet.y, packet.z)
 
         upper = dr.lerp(texel(0), texel(1), rightward)
-        lower = dr.lerp(texel(self.resolution), texel(self.resolution + 1), rightward)
-        blended = dr.lerp(upper, lower, downward)
-        return mi.Color3f(blended.x, blended.y, blended.z)
+        lower = dr.lerp(texel(stride), texel(stride + 1), rightward)
+        return dr.lerp(upper, lower, downward)
 
 
 def _filled_outward(image: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Give each texel outside the disk the value of the nearest one inside, so that no lookup at the rim darkens."""
-    if covered.all():
-        return image
     row, column = distance_transform_edt(~covered, return_distances=False, return_indices=True)
     return np.asarray(image[row, column])

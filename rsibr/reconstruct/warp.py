@@ -1,13 +1,15 @@
 """Where a destination texel lies in a stored map, and how far that lookup is to be trusted.
 
 A warp is evaluated backwards, from the destination: p_s = g⁻¹ ∘ T_s⁻¹ ∘ T_d ∘ g (p_d), after Cabral et al. (1999),
-sections 3.2 and 3.3. In world space T_d ∘ g (p_d) is just the normal or the mirror direction at the point, so that a
-warp here takes the normal and the view, and no result depends on how a map's frame is rolled about its view.
+sections 3.2 and 3.3. All of it that depends on the two views alone is one rotation and a few vectors, made once a view;
+what is left for each texel costs a handful of operations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -15,9 +17,6 @@ import mitsuba as mi
 from rsibr.geometry.frame import transported
 from rsibr.geometry.sphere_map import disk_from_normal
 from rsibr.reconstruct.sources import StoredView
-
-Warp = Callable[[StoredView, "mi.Vector3f", "mi.Vector3f"], tuple["mi.Point2f", "mi.Float"]]
-"""(stored view, normal, view) → (point of the stored map that stands for them, confidence in it)."""
 
 FADE_RADIUS = 1.0
 """Distance in the destination map, in radii of the disk, from which on a source is trusted fully. The paper leaves it
@@ -27,63 +26,138 @@ LEAST_CONFIDENCE = 1e-6
 """Keeps the weights' sum above zero where the only source of a texel sits on its own singularity."""
 
 
-def mirror_warp(stored: StoredView, n: mi.Vector3f, v: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
+class Warp(Protocol):
+    """A correspondence between the map of one view and the map of another."""
+
+    def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
+        """Look a surface normal up.
+
+        Parameters
+        ----------
+        n : mi.Vector3f
+            Unit normals in the destination's frame, z ≥ 0.
+
+        Returns
+        -------
+        p : mi.Point2f
+            Points of the stored map that stand for them.
+        confidence : mi.Float
+            How far to trust them, in [0, 1].
+        """
+        ...
+
+
+WarpBetween = Callable[[StoredView, "mi.Matrix3f"], Warp]
+"""(stored view, frame of the destination) → the warp between the two; one pair a lane, or one for all lanes."""
+
+
+@dataclass
+class MirrorWarp:
     """Look up where the stored view reflects into the same direction.
 
-    Parameters
+    The confidence fades linearly within `FADE_RADIUS` of the source's singularity, the mirror direction −v_s, where the
+    source's whole rim is pinched into one point of the destination.
+
+    Attributes
     ----------
-    stored : StoredView
-        The source.
-    n, v : mi.Vector3f
-        Unit normal and unit view direction of the destination, in world coordinates, n·v ≥ 0.
-
-    Returns
-    -------
-    p : mi.Point2f
-        Point of the stored map.
-    confidence : mi.Float
-        1, but for a linear fade within `FADE_RADIUS` of the source's singularity, where its whole rim is pinched into
-        one point of the destination.
+    rotation : mi.Matrix3f
+        From the destination's frame to the stored one: T_s⁻¹ T_d.
+    shift : mi.Vector3f
+        v_s − v in the stored frame.
+    singular : mi.Point2f
+        Where in the destination −v_s is reflected: p_d = warp(−v_s).
     """
-    # The stored view's normal halves the angle between it and the mirror direction r = 2(n·v)n − v. Taken of the
-    # difference of the views, r + v_s cancels nothing and is parallel to n where the views are one.
-    half = 2 * dr.maximum(dr.dot(n, v), 0) * n + (stored.v - v)  # on the rim rounding may turn n·v negative
-    squared = dr.squared_norm(half)
-    normal = dr.select(squared > 1e-24, half * dr.rsqrt(dr.maximum(squared, 1e-24)), n)
-    return disk_from_normal(stored.to_local(normal)), _distance_fade(stored, n, v)
+
+    rotation: mi.Matrix3f
+    shift: mi.Vector3f
+    singular: mi.Point2f
+
+    @classmethod
+    def between(cls, stored: StoredView, frame: mi.Matrix3f) -> MirrorWarp:
+        """Make the warp from the destination's `frame`, columns x, y, v, to a stored view."""
+        shift = stored.v - _column(frame, 2)
+        # The normal that mirrors v into −v_s halves the angle between the two. It is undetermined at the stored view
+        # itself, where there is but one source and its confidence drops out.
+        singular = -shift * dr.rsqrt(dr.maximum(dr.squared_norm(shift), 1e-30))
+        in_map = mi.Point2f(dr.dot(_column(frame, 0), singular), dr.dot(_column(frame, 1), singular))
+        return cls(_rotation(stored, frame), stored.to_local(shift), in_map)
+
+    def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
+        """See `Warp`."""
+        # The stored view's normal halves the angle between it and the mirror direction r = 2(n·v)n − v. Written with
+        # the difference of the views, r + v_s cancels nothing and is parallel to n where the views are one; on the rim
+        # of that view, where n·v = 0 (or below, by rounding), n itself is left.
+        half = dr.fma(self.rotation @ n, dr.maximum(2 * n.z, 1e-9), self.shift)
+        shrink = dr.rsqrt(dr.maximum(dr.squared_norm(half), 1e-30))
+        away = mi.Point2f(n.x, n.y) - self.singular
+        confidence = dr.minimum(dr.norm(away) * (1 / FADE_RADIUS), 1) + LEAST_CONFIDENCE
+        return mi.Point2f(half.x * shrink, half.y * shrink), confidence
 
 
-def normal_warp(stored: StoredView, n: mi.Vector3f, v: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:  # noqa: ARG001
+@dataclass
+class NormalWarp:
     """Look up where the stored view shows the same surface normal.
 
-    Parameters and result as in `mirror_warp`, but that the confidence is the height of the normal over the stored
-    view's horizon, n·v_s: what lies below it is not in that map at all.
+    The confidence is the height of the normal over the stored view's horizon, n·v_s: what lies below it is not in that
+    map at all.
+
+    Attributes
+    ----------
+    rotation : mi.Matrix3f
+        From the destination's frame to the stored one: T_s⁻¹ T_d.
     """
-    local = stored.to_local(n)
-    return disk_from_normal(local), dr.clip(local.z, LEAST_CONFIDENCE, 1)
+
+    rotation: mi.Matrix3f
+
+    @classmethod
+    def between(cls, stored: StoredView, frame: mi.Matrix3f) -> NormalWarp:
+        """Make the warp from the destination's `frame`, columns x, y, v, to a stored view."""
+        return cls(_rotation(stored, frame))
+
+    def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
+        """See `Warp`."""
+        local = self.rotation @ n
+        return disk_from_normal(local), dr.maximum(local.z, LEAST_CONFIDENCE)
 
 
-def no_warp(stored: StoredView, n: mi.Vector3f, v: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
+@dataclass
+class NoWarp:
     """Look up the same place of the picture, as if the stored view were the new one.
 
     The pictures are laid on one another by the least rotation between the two views: upright frames would spin them
-    against each other near the poles. Parameters and result as in `mirror_warp`; the confidence is 1.
+    against each other near the poles. The confidence is 1.
+
+    Attributes
+    ----------
+    rotation : mi.Matrix3f
+        From the destination's frame to the stored one, the view carried along: z stays z.
     """
-    return disk_from_normal(stored.to_local(transported(n, v, stored.v))), mi.Float(1)
+
+    rotation: mi.Matrix3f
+
+    @classmethod
+    def between(cls, stored: StoredView, frame: mi.Matrix3f) -> NoWarp:
+        """Lay the destination, with its `frame` of columns x, y, v, on a stored view."""
+        v = _column(frame, 2)
+        columns = [stored.to_local(transported(_column(frame, axis), v, stored.v)) for axis in range(3)]
+        return cls(_from_columns(*columns))
+
+    def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
+        """See `Warp`."""
+        return disk_from_normal(self.rotation @ n), mi.Float(1)
 
 
-WARPS: dict[str, Warp] = {"mirror": mirror_warp, "normal": normal_warp}
+WARPS: dict[str, WarpBetween] = {"mirror": MirrorWarp.between, "normal": NormalWarp.between}
 """The paper's two warps, by the names that a material carries."""
 
 
-def _distance_fade(stored: StoredView, n: mi.Vector3f, v: mi.Vector3f) -> mi.Float:
-    """Confidence by distance in the destination map from p_d = warp(−v_s); Cabral et al. (1999), section 3.3.
+def _rotation(stored: StoredView, frame: mi.Matrix3f) -> mi.Matrix3f:
+    return _from_columns(*(stored.to_local(_column(frame, axis)) for axis in range(3)))
 
-    The normal that mirrors v into −v_s is the half vector of the two; v − v_s vanishes only at the stored view itself,
-    where there is but one source and its confidence drops out.
-    """
-    singular = v - stored.v
-    singular *= dr.rsqrt(dr.maximum(dr.squared_norm(singular), 1e-30))
-    offset = n - singular
-    lateral = offset - dr.dot(offset, v) * v
-    return dr.clip(dr.norm(lateral) / FADE_RADIUS, LEAST_CONFIDENCE, 1)
+
+def _column(matrix: mi.Matrix3f, axis: int) -> mi.Vector3f:
+    return mi.Vector3f(matrix[0, axis], matrix[1, axis], matrix[2, axis])
+
+
+def _from_columns(x: mi.Vector3f, y: mi.Vector3f, z: mi.Vector3f) -> mi.Matrix3f:
+    return mi.Matrix3f(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z)

@@ -28,9 +28,13 @@ def _absolute_path(value: Any, info: ValidationInfo) -> Path:
     if not isinstance(value, str) or not value:
         raise ValueError("should be the path of a file, as a string")
     try:
-        return (_base(info) / Path(value).expanduser()).resolve()
+        path = (_base(info) / Path(value).expanduser()).resolve()
+        str(path).encode()  # the manifest of a bake is UTF-8 and names it
+    except UnicodeEncodeError:
+        raise ValueError("is no usable path: its name is not UTF-8") from None
     except (RuntimeError, OSError) as error:
         raise ValueError(f"is no usable path: {error}") from None
+    return path
 
 
 def _plugin(value: Any, info: ValidationInfo) -> dict[str, Any]:
@@ -57,6 +61,8 @@ def _plugin_value(name: str, value: Any, info: ValidationInfo) -> Any:
         raise ValueError(f"{name} = {value} means nothing to Mitsuba")
     return str(_absolute_path(value, info)) if name.rpartition(".")[2] == "filename" else value
 
+
+NESTED_TOO_DEEPLY = "is nested too deeply"
 
 FilePath = Annotated[Path, BeforeValidator(_absolute_path)]
 """A path, absolute once validated; a relative one starts at the folder of the config."""
@@ -214,9 +220,11 @@ def parse_config(
     where : str
         What an error names as the place.
     """
-    merged = apply_overrides(data, overrides)
     try:
+        merged = apply_overrides(data, overrides)
         return Config.model_validate(merged, context={"base": Path(base).resolve()})
+    except RecursionError:
+        raise InputError(NESTED_TOO_DEEPLY, where=where) from None
     except ValidationError as error:
         problems = describe(error, Config, override_keys(overrides))
         raise InputError("; ".join(problems), where=where) from None
@@ -235,5 +243,7 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", where=str(path)) from None
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # a number of thousands of digits is one too, and no TOMLDecodeError
         raise InputError(f"is not valid TOML: {error}", where=str(path)) from None
+    except RecursionError:
+        raise InputError(NESTED_TOO_DEEPLY, where=str(path)) from None

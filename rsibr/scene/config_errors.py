@@ -9,6 +9,9 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+_LONGEST = 200
+"""Characters, or bits of a number, of a value that an error shows."""
+
 
 def describe(error: ValidationError, model: type[BaseModel], overridden: Collection[str] = ()) -> list[str]:
     """Put each mistake in a config into a phrase.
@@ -42,9 +45,16 @@ def _phrase(entry: dict[str, Any], known: list[str], overridden: Collection[str]
         case "model_type":
             return f"{key} should be a table{origin}"
     value = entry["input"]
-    shown = f" = {json.dumps(value, ensure_ascii=False)}" if isinstance(value, str | int | float) else ""
+    shown = f" = {_shortened(value)}" if isinstance(value, str | int | float) else ""
     message = entry["msg"].removeprefix("Value error, ").replace("Input should", "should")
     return f"{key}{shown}{origin}{'' if shown else ':'} {message}"
+
+
+def _shortened(value: str | float) -> str:
+    if isinstance(value, int) and value.bit_length() > _LONGEST:  # Python refuses to write out the longest ones
+        return f"an integer of {value.bit_length()} bits"
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
 
 
 def _suggestion(key: str, known: list[str]) -> str:

@@ -18,6 +18,7 @@ from rsibr.scene.config import EnvironmentConfig
 from rsibr.scene.latlong import LatLong, read_latlong
 from rsibr.scene.orientation import rotated
 from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files, require_files
+from rsibr.scene.trial import require_survival
 
 _WHERE = "environment.emitter"
 _FIX = "see the emitters in Mitsuba's plugin reference"
@@ -99,6 +100,8 @@ def load_environment(config: EnvironmentConfig) -> Environment:
     v = j/(H−1), so that the first and the last lie on the poles, and its columns at u = (i+½)/W.
     """
     backend.use()
+    if config.emitter is not None:
+        require_survival(config, _WHERE)
     plugin: dict[str, Any] = config.emitter or {"type": "envmap", "filename": str(config.file)}
     name = config.file.stem if config.file else str(plugin["type"])
     plugin = rotated(plugin, config.rotation_deg, _WHERE)

@@ -15,6 +15,7 @@ from rsibr.resources import scenes
 from rsibr.scene.config import MaterialConfig
 from rsibr.scene.mitsuba_bsdf import BsdfSource, bsdf_digest, load_bsdf
 from rsibr.scene.plugin import require_files
+from rsibr.scene.trial import require_survival
 
 PRESETS = ("clearcoat-red", "glossy-plastic", "matte-lambert", "mirror-silver", "rough-aluminium")
 """Names of the materials that come with rsibr, `scenes/materials/NAME.xml`."""
@@ -61,6 +62,8 @@ def load_material(config: MaterialConfig) -> Material:
     """
     backend.use()
     name, source, where = _source_of(config)
+    if config.preset is None:
+        require_survival(config, where)
     bsdf = load_bsdf(source, where)
     _require_opaque(bsdf, name, where)
     warp = _natural_warp(bsdf) if config.warp == "auto" else config.warp

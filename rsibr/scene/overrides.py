@@ -69,7 +69,7 @@ def _parse(text: str) -> tuple[tuple[str, ...], Any]:
 def _value(text: str, whole: str) -> Any:
     try:
         table = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # a number of thousands of digits is one too, and no TOMLDecodeError
         if text[:1] in ("{", "[", '"', "'"):
             reason = str(error).partition(" (at")[0]
             raise InputError(f"'{whole}' is not valid TOML: {reason}", where="--set") from None

@@ -43,3 +43,5 @@ def _read_json(path: Path) -> Any:
         raise InputError(f"cannot be read: {error.strerror}", where=str(path), fix="check views.file") from None
     except ValueError as error:
         raise InputError(f"is not JSON: {error}", where=str(path)) from None
+    except RecursionError:
+        raise InputError("is nested too deeply", where=str(path)) from None

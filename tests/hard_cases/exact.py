@@ -22,7 +22,7 @@ def normalised(rows):
 
 
 def side_distances(v, corners):
-    """Signed distances (n, 3) of v (n, 3) to the planes through the sides of triangles (n, 3, 3), the first opposite a."""
+    """Signed distances (n, 3) of v (n, 3) to the sides of triangles (n, 3, 3); the first is the side opposite a."""
     sides = []
     for k in range(3):
         p, q = corners[:, (k + 1) % 3], corners[:, (k + 2) % 3]

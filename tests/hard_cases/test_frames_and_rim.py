@@ -20,8 +20,8 @@ from rsibr.geometry.spherical import area_weights
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.reconstruct.blend import triangle_mix
 from rsibr.reconstruct.method import Cost, Method
-from rsibr.reconstruct.sources import SourceMaps
-from rsibr.reconstruct.warp import FADE_RADIUS, mirror_warp
+from rsibr.reconstruct.sources import SourceMaps, StoredView
+from rsibr.reconstruct.warp import FADE_RADIUS, MirrorWarp
 from rsibr.scene.config import EnvironmentConfig
 from rsibr.scene.environment import load_environment
 from rsibr.validate.flip import exposures_for
@@ -98,7 +98,7 @@ def test_hc10_stored_maps_may_be_rolled(name):
     frames = np.stack([view_frame(d) @ turn(0.5 + i) for i, d in enumerate(views.directions)])
     coverage = np.tile(texel_coverage(resolution).astype(np.float32), (len(views), 1, 1))
     sources = SourceMaps.from_arrays(np.stack([mirror_sphere(f, resolution) for f in frames]), coverage, frames)
-    options = {"mix": triangle_mix(area_weights), "warp": mirror_warp} | METHODS[name]
+    options = {"mix": triangle_mix(area_weights), "warp": MirrorWarp.between} | METHODS[name]
     rolled = Method("rolled", views, sources, options["mix"], options["warp"], Cost(0.0, 0))
     upright = method(resolution=resolution, **METHODS[name])
     within = inside(resolution, 0.9)
@@ -124,7 +124,7 @@ def test_hc10_nothing_jumps_across_the_branch_cut_of_the_frames(name, pole):
 
 @pytest.mark.parametrize("away", [0.0, 1e-7, 1e-5, 1e-3, 1e-1])
 def test_hc11_the_inverse_of_the_mirror_map_is_finite_at_its_singularity(away):
-    """r = −v and close to it: finite, in the closed disk, and at half the angle from the rim.
+    """At r = −v and close to it: finite, in the closed disk, and at half the angle from the rim.
 
     Fails when |r + z| is divided by without a floor, or squared as the paper prints it: mutants hc11.
     """
@@ -148,9 +148,9 @@ def test_hc11_confidence_fades_linearly_to_the_singularity_as_documented(rng):
     singular = (v - v_s) / np.linalg.norm(v - v_s, axis=1, keepdims=True)
     across = n - singular - ((n - singular) * v).sum(1, keepdims=True) * v
     expected = np.clip(np.linalg.norm(across, axis=1) / FADE_RADIUS, 0, 1)
-    stored = method(resolution=8).sources.view(mi.UInt32(0))
-    stored.v = vector(v_s)
-    _, confidence = mirror_warp(stored, vector(n), vector(v))
+    frame, frame_s = frame_of(vector(v)), frame_of(vector(v_s)).T
+    stored = StoredView(mi.UInt32(0), *(mi.Vector3f(frame_s[axis]) for axis in range(3)))
+    _, confidence = MirrorWarp.between(stored, frame)(frame.T @ vector(n))
     assert np.abs(to_numpy(confidence) - expected).max() < 2e-6
 
 
@@ -284,7 +284,7 @@ def test_hc14_the_mirror_map_spreads_its_texels_evenly_over_the_sphere():
 def test_hc15_the_antipode_of_a_stored_view_works(name):
     """Finite and within the range of the stored maps; the icosahedron's antipodes are stored views themselves.
 
-    Fails when a direction is let into the wrong triangle: mutant hc15.
+    Fails when an antipode is taken for the nearest view: mutant hc15.
     """
     made = method(**METHODS[name])
     for index in (0, 7):

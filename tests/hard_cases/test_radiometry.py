@@ -13,7 +13,7 @@ from rsibr.bake.baker import bake_view, block_sizes
 from rsibr.bake.integrator import SphereIntegrator, _interaction
 from rsibr.geometry.frame import view_frame
 from rsibr.reconstruct.blend import nearest_mix
-from rsibr.reconstruct.warp import WARPS, mirror_warp
+from rsibr.reconstruct.warp import WARPS, MirrorWarp
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
@@ -74,7 +74,9 @@ def test_hc18_lambert_under_a_gradient_has_the_irradiance_of_the_closed_form(vie
     """
     emitter = load_environment(EnvironmentConfig(file=gradient_sky)).emitter()
     frame = view_frame(view)
-    baked = bake_view(integrator({"type": "diffuse", "reflectance": 0.5}, emitter), frame, block_sizes(1024), seed=3, index=0)
+    baked = bake_view(
+        integrator({"type": "diffuse", "reflectance": 0.5}, emitter), frame, block_sizes(1024), seed=3, index=0
+    )
     x, y = disk_grid(N)
     mean_normal = np.stack(disk_area_moments((x - 1 / N, y + 1 / N), 2 / N), axis=-1) @ frame.T
     irradiance = np.pi + 2 * np.pi / 3 * mean_normal @ gradient_axis
@@ -116,13 +118,15 @@ def test_hc19_one_warped_map_of_a_phong_lobe_serves_every_view(exponent):
     axes = np.array([[0.0, 0.6, 0.8], [1.0, 0.0, 0.0], [-0.48, 0.64, 0.6]])
 
     def convolved(r):
-        return np.stack([1.5 + sum(f * legendre(b + 1, r @ a) / 4 for b, f in enumerate(factors[1:])) for a in axes], -1)
+        return np.stack(
+            [1.5 + sum(f * legendre(b + 1, r @ a) / 4 for b, f in enumerate(factors[1:])) for a in axes], -1
+        )
 
     def phong_sphere(frame, resolution):
         n, v = normals(frame, resolution), frame[:, 2]
         return convolved(2 * (n @ v)[..., None] * n - v).astype(np.float32)
 
-    made = method(phong_sphere, 128, mix=nearest_mix, warp=mirror_warp)
+    made = method(phong_sphere, 128, mix=nearest_mix, warp=MirrorWarp.between)
     for view in VIEWS:
         frame = view_frame(view)
         error = np.abs(image(made, frame, N) - phong_sphere(frame, N))
@@ -200,14 +204,16 @@ def test_hc22_a_retroreflector_shows_its_larger_error_and_no_nan(warp):
         assert wrong.rel_mse.value > 10 * right.rel_mse_zones["inner"].value
         assert wrong.rel_mse.value > 1e-3
         assert np.isfinite([wrong.rel_mse.value, wrong.smape, wrong.flip, wrong.energy_ratio]).all()
-    made = method(retroreflector, 33, warp=WARPS[warp])  # odd: a texel centre lies on the view, where mirrors retroreflect
+    made = method(
+        retroreflector, 33, warp=WARPS[warp]
+    )  # odd: a texel centre lies on the view, where mirrors retroreflect
     assert np.isfinite(image(made, view_frame(made.viewpoints.directions[4]), 33)[inside(33)]).all()
 
 
 def test_hc22_an_anisotropic_lobe_bakes_finite(asymmetric_environment):
     """Brushed metal: every texel finite and lit; Mitsuba says that it is anisotropic, which a plan can go by.
 
-    Fails when the light is not sampled towards a frame of the surface.
+    Fails when the samples of the BSDF are divided by the light's density alone: mutant hc22.
     """
     material = load_material(MaterialConfig(bsdf={"type": "roughconductor", "alpha_u": 0.05, "alpha_v": 0.4}))
     assert mi.has_flag(material.bsdf().flags(), mi.BSDFFlags.Anisotropic)
@@ -223,7 +229,7 @@ CLEARCOAT = {"type": "principled", "roughness": 0.0, "clearcoat": 1.0, "clearcoa
 
 
 def test_hc23_grazing_samples_of_a_clear_coat_are_finite_and_not_clamped():
-    """cos θ = 1e-6: weights up to 94 were measured. The BSDF's own, in a furnace of radiance 1e4, come through whole.
+    """At cos θ = 1e-6 a sample may weigh 94: in a furnace of radiance 1e4 such samples come through whole.
 
     What is seen of the light is at most what its samples would be alone; so the largest must exceed the furnace.
     Fails when a sample's radiance is clamped: mutant hc23.

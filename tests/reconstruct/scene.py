@@ -9,7 +9,7 @@ from rsibr.geometry.viewpoints import icosphere
 from rsibr.reconstruct.blend import triangle_mix
 from rsibr.reconstruct.method import Cost, Method
 from rsibr.reconstruct.sources import SourceMaps
-from rsibr.reconstruct.warp import mirror_warp
+from rsibr.reconstruct.warp import MirrorWarp
 from tests.arrays import disk_grid
 
 
@@ -46,7 +46,7 @@ def stored(sphere, resolution, subdivision=0):
     return views, SourceMaps.from_arrays(np.stack([sphere(f, resolution) for f in frames]), coverage, np.stack(frames))
 
 
-def method(sphere=mirror_sphere, resolution=64, *, warp=mirror_warp, mix=None, subdivision=0, kind=Method):
+def method(sphere=mirror_sphere, resolution=64, *, warp=MirrorWarp.between, mix=None, subdivision=0, kind=Method):
     """A method over the stored maps of `sphere`; by default the paper's."""
     views, sources = stored(sphere, resolution, subdivision)
     return kind("test", views, sources, mix or triangle_mix(area_weights), warp, Cost(0.0, 0))

@@ -10,14 +10,14 @@ from rsibr.geometry.spherical import area_weights, gnomonic_weights
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.reconstruct.blend import nearest_mix, triangle_mix
 from rsibr.reconstruct.method import MeshMethod
-from rsibr.reconstruct.warp import mirror_warp, no_warp, normal_warp
+from rsibr.reconstruct.warp import MirrorWarp, NormalWarp, NoWarp
 from tests.arrays import unit_vectors, vector
 from tests.reconstruct.scene import image, inside, matte_sphere, method, mirror_sphere, normals, stored
 
 N = 64
 METHODS = {
-    "nearest": {"mix": nearest_mix, "warp": no_warp},
-    "blend": {"warp": no_warp},
+    "nearest": {"mix": nearest_mix, "warp": NoWarp.between},
+    "blend": {"warp": NoWarp.between},
     "cabral1999": {},
     "gnomonic": {"mix": triangle_mix(gnomonic_weights)},
     "mesh": {"kind": MeshMethod},
@@ -37,7 +37,7 @@ def test_mirror_warp_reconstructs_a_mirror(view):
 @pytest.mark.parametrize("view", VIEWS)
 def test_normal_warp_reconstructs_what_depends_on_the_normal(view):
     frame = view_frame(view)
-    error = np.abs(image(method(matte_sphere, warp=normal_warp), frame, N) - matte_sphere(frame, N))
+    error = np.abs(image(method(matte_sphere, warp=NormalWarp.between), frame, N) - matte_sphere(frame, N))
     assert error[inside(N, 0.9)].max() < 0.01
     assert error[inside(N)].max() < 0.05
 
@@ -160,7 +160,7 @@ def test_mesh_converges_to_the_exact_warp():
     exact = image(method(), frame, N)
     for rings in (8, 16, 32):
         made = MeshMethod(
-            "mesh", views, sources, triangle_mix(area_weights), mirror_warp, method().cost, DiskMesh(rings, 3 * rings)
+            "mesh", views, sources, triangle_mix(area_weights), MirrorWarp.between, method().cost, DiskMesh(rings, 3 * rings)
         )
         errors.append(np.abs(image(made, frame, N) - exact)[inside(N, 0.9)].mean())
     assert errors[0] > 2 * errors[1] > 4 * errors[2]
