@@ -6,6 +6,7 @@ texel, its normal, and one direction each from the light and from the BSDF, comb
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import drjit as dr
@@ -59,7 +60,7 @@ class SphereIntegrator:
         frame : ndarray, shape (3, 3)
             Columns x, y, z of the map's frame; z points to the viewer.
         samples : int
-            Samples a texel, stratified among each other within a launch.
+            Samples a texel at least, stratified among each other within a launch; see `stratified`.
         seeds : SeedSequence
             Fixes every random number of the block: equal seeds give equal bits.
 
@@ -70,12 +71,13 @@ class SphereIntegrator:
         """
         matrix = mi.Matrix3f(frame.astype(np.float32))
         dr.make_opaque(matrix)
-        shares = _split(samples, max(1, MAX_LANES // dr.width(self._texels)))
+        launches = math.ceil(samples * dr.width(self._texels) / MAX_LANES)
+        each = stratified(math.ceil(samples / launches))
         total = np.zeros((dr.width(self._texels), 3))
-        for share, seed in zip(shares, seeds.generate_state(len(shares)), strict=True):
-            # One array at a time: each conversion waits, and float64 adds any number of launches without loss
-            total += share * np.array(self._launch(matrix, share, int(seed)), dtype=np.float64).T
-        return (total / samples).astype(np.float32)
+        for seed in seeds.generate_state(launches):
+            # One launch at a time: each conversion waits, and float64 adds any number of them without loss
+            total += np.array(self._launch(matrix, each, int(seed)), dtype=np.float64).T
+        return (total / launches).astype(np.float32)
 
     def image(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Lay values of the covered texels out as an image, zero elsewhere."""
@@ -86,6 +88,7 @@ class SphereIntegrator:
     def _launch(self, matrix: mi.Matrix3f, samples: int, seed: int) -> mi.Color3f:
         lanes = dr.width(self._texels) * samples
         sampler = mi.load_dict({"type": "multijitter", "sample_count": samples})
+        sampler.set_samples_per_wavefront(samples)  # without it every lane is a texel of its own, and nothing stratified
         seed_lane = dr.opaque(mi.UInt32, seed)
         sampler.seed(seed_lane, lanes)
         texel = dr.gather(mi.UInt32, self._texels, dr.arange(mi.UInt32, lanes) // samples)
@@ -160,7 +163,7 @@ def _interaction(n: mi.Vector3f, v: mi.Vector3f) -> mi.SurfaceInteraction3f:
     return si
 
 
-def _split(samples: int, largest: int) -> list[int]:
-    """Split a count into nearly equal shares of at most `largest`."""
-    launches = -(-samples // largest)
-    return [samples // launches + (i < samples % launches) for i in range(launches)]
+def stratified(samples: int) -> int:
+    """Least count of at least `samples` that is a product of two nearly equal factors: the strata of `multijitter`."""
+    columns = math.isqrt(samples)
+    return columns * -(-samples // columns)

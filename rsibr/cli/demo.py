@@ -11,7 +11,7 @@ from rsibr.cli.options import Json
 from rsibr.cli.validate import print_validation
 
 VIEWS = 8
-SAMPLES = 1024
+SAMPLES = 512
 
 
 def demo(

@@ -21,7 +21,7 @@ from tests.scene.maps import write_exr
         (["bake"], "Missing argument 'CONFIG'"),
         (["bake", "x.toml", "--frsh"], "--fresh"),
         (["bake", "x.toml", "y.toml"], "y.toml"),
-            (["reconstruct", "x"], "Missing option"),
+        (["reconstruct", "x"], "Missing option"),
         (["validate", "x", "--out", "y", "--views", "0"], "--views"),
         (["validate", "x", "--out", "y", "--views", "many"], "--views"),
         (["validate", "x", "--out", "y", "--views", "10001"], "--views"),
@@ -91,12 +91,12 @@ def test_a_config_that_is_not_there_or_a_folder(shell, tmp_path):
         ("map.resolution", "sets nothing"),
         ("=3", "sets nothing"),
         ("map.resolution=[", "not valid TOML"),
-        ("map.resolution=" + "[" * 3000, "--set"),
+        ("map.resolution=" + "[" * 3000, "nested too deeply"),
         ("map.resolution=" + "9" * 5000, "map.resolution"),
         ("map.resolutoin=8", "did you mean 'map.resolution'"),
         ("map=8", "map should be a table"),
         ("map.resolution.x=8", "--set"),
-        (".".join("a" * 3000) + "=1", "nested too deeply"),
+        (".".join("a" * 3000) + "=1", "unknown key"),
     ],
 )
 def test_a_wrong_override(shell, config, tmp_path, override, says):

@@ -179,6 +179,8 @@ def test_hc11_radiance_is_finite_and_continuous_through_the_singularity():
     assert np.isfinite(at_home).all()
     assert np.abs(at_home[0] - sky(v)).max() < 1e-3
     assert np.abs(at_home[1:] - sky(-v)).max() < 0.3  # the rim mirrors the view into −v; its last texel spans 20°
+    odd = image(made, view_frame(stored_view), 33)  # its middle texel's normal is the view to the last bit
+    assert np.abs(odd[16, 16] - sky(v)).max() < 1e-3
 
 
 def test_hc12_normals_on_the_rim_are_finite(rng):

@@ -5,8 +5,9 @@ import functools
 import numpy as np
 import pytest
 
+from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
-from rsibr.geometry.viewpoints import icosphere
+from rsibr.geometry.viewpoints import from_directions, icosphere
 from rsibr.reconstruct.warp import NormalWarp, NoWarp
 from tests.arrays import unit_vectors
 from tests.hard_cases.exact import (
@@ -132,7 +133,7 @@ def test_hc06_the_triangle_found_is_the_one_that_contains_the_view(level, rng):
 
     Inside one triangle of a partition is outside all others, so that this is the answer of brute force. At levels 0
     to 2 brute force is run as well.
-    Fails when the nearest centroid is taken, or a cap wider than a hemisphere for convex: mutants hc06.
+    Fails when the nearest centroid is taken, or a cap is a rounding too narrow: mutants hc06.
     """
     views = sphere(level)
     v = np.concatenate([unit_vectors(rng, 20_000), edge_points(views, rng)[0], views.directions])
@@ -147,6 +148,21 @@ def test_hc06_the_triangle_found_is_the_one_that_contains_the_view(level, rng):
     assert clear.mean() > 0.99
     located = query(views, v, "gnomonic").triangle[clear]
     assert np.array_equal(located, views.triangles[depth.argmax(axis=0)[clear]])
+
+
+@pytest.mark.parametrize("count", [4, 5, 6, 9])
+def test_hc06_triangles_as_wide_as_a_hemisphere_are_found_too(count, rng):
+    """A handful of views of the user's own, whose triangles fill up to half the sphere: not one misplaced.
+
+    Fails when a cap wider than a hemisphere is taken for convex: mutant hc06.
+    """
+    for _ in range(20):
+        try:
+            views = from_directions(unit_vectors(rng, count))
+        except InputError:  # all in one half of the sphere
+            continue
+        found = query(views, unit_vectors(rng, 5000), "gnomonic")
+        assert side_distances(found.v, found.corners).min() > -2e-7
 
 
 @pytest.mark.parametrize("warp", [None, NormalWarp.between, NoWarp.between], ids=["mirror", "normal", "none"])

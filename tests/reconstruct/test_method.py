@@ -160,7 +160,13 @@ def test_mesh_converges_to_the_exact_warp():
     exact = image(method(), frame, N)
     for rings in (8, 16, 32):
         made = MeshMethod(
-            "mesh", views, sources, triangle_mix(area_weights), MirrorWarp.between, method().cost, DiskMesh(rings, 3 * rings)
+            "mesh",
+            views,
+            sources,
+            triangle_mix(area_weights),
+            MirrorWarp.between,
+            method().cost,
+            DiskMesh(rings, 3 * rings),
         )
         errors.append(np.abs(image(made, frame, N) - exact)[inside(N, 0.9)].mean())
     assert errors[0] > 2 * errors[1] > 4 * errors[2]
