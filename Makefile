@@ -16,7 +16,7 @@ LLVM := $(VENV)/llvm.env
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-slow test-all lint bench notebooks lock clean
+.PHONY: help setup demo test test-slow test-all mutants lint bench fuzz notebooks lock clean
 
 help: ## list these goals
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{printf "%-18s %s\n", $$1, $$2}'
@@ -35,6 +35,9 @@ test-slow: setup ## the slow tests alone
 test-all: setup ## every test
 	@$(WITH_LLVM) $(BIN)/python -m pytest
 
+mutants: setup ## take each guard of the hard cases out of a copy and see that a test notices
+	@$(WITH_LLVM) $(BIN)/python scripts/mutants.py
+
 lint: setup ## style, format, types, layers
 	@$(BIN)/ruff check --quiet . && echo "ruff check: clean"
 	@$(BIN)/ruff format --check .
@@ -44,6 +47,9 @@ lint: setup ## style, format, types, layers
 # The option stands in pyproject.toml's addopts, and pytest-benchmark refuses it together with --benchmark-only.
 bench: setup ## the benchmarks
 	@$(WITH_LLVM) $(BIN)/python -m pytest -o addopts="-ra --strict-markers --strict-config" tests/benchmarks --benchmark-only
+
+fuzz: setup ## feed 10 000 altered inputs to everything that reads; report in out/fuzz.json
+	@$(WITH_LLVM) $(BIN)/python scripts/fuzz.py --inputs 10000 --seed 0 --out $(OUT)/fuzz.json
 
 notebooks: setup ## execute the notebooks into out/notebooks
 	@mkdir -p $(OUT)/notebooks

@@ -114,6 +114,15 @@ KEYS = [
 ]
 KEYS += ["rotation_deg", "subdivision", "resolution", "samples", "seed"]
 
+SOUND = {
+    "environment": {"rotation_deg": [0.0, -90.0, 1e9], "scale": [1.0, 1e-30, 5], "file": ["a.exr"]},
+    "material": {"warp": ["auto", "mirror", "normal"], "preset": list(PRESETS)},
+    "views": {"subdivision": [0, 1, 5]},
+    "map": {"resolution": [8, 4096]},
+    "sampling": {"samples": [4, 2**24], "seed": [0, 2**63 - 1]},
+}
+"""Values that a config takes, so that not every input is refused for the first thing in it."""
+
 Case = Callable[[], object]
 
 
@@ -158,8 +167,11 @@ class Inputs:
         """A config as tables, with anything anywhere."""
         data: dict[str, Any] = {"environment": {"file": "sky.exr"}, "material": {"preset": "matte-lambert"}}
         for _ in range(rng.randint(1, 4)):
-            section = data.setdefault(rng.choice(KEYS[:5]), {})
+            name = rng.choice(list(SOUND))
+            section = data.setdefault(name, {})
             if isinstance(section, dict) and rng.random() < 0.8:
+                section.update([_sound(rng, name)])
+            elif isinstance(section, dict) and rng.random() < 0.8:
                 section[rng.choice(KEYS)] = _anything(rng)
             else:
                 data[rng.choice(KEYS)] = _anything(rng)
@@ -270,6 +282,10 @@ class Inputs:
         return [argument.replace("\0", "0") for argument in arguments]  # no process can be given a zero byte
 
     def _override(self, rng: random.Random) -> str:
+        if rng.random() < 0.6:
+            section = rng.choice(list(SOUND))
+            key, sound = _sound(rng, section)
+            return f"{section}.{key}={sound}"
         key = ".".join(rng.choices(KEYS, k=rng.choice([1, 2, 2, 2, 3])))
         value = rng.choice([str(_scalar(rng)), json.dumps(_anything(rng)), "".join(rng.choices(string.printable, k=8))])
         text = f"{key}={value}"
@@ -316,6 +332,11 @@ def _check_ending(arguments: list[str], code: int, stdout: str, stderr: str) -> 
         json.loads(stdout)
     if code:
         raise InputError(stderr.strip().splitlines()[-1])
+
+
+def _sound(rng: random.Random, section: str) -> tuple[str, Any]:
+    key = rng.choice(list(SOUND[section]))
+    return key, rng.choice(SOUND[section][key])
 
 
 def _scalar(rng: random.Random) -> Any:

@@ -108,7 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     mutants = read_mutants(options.only)
     if not mutants:
         parser.error(f"no mutant for {' '.join(options.only)}")
-    console = Console()
+    console = Console(width=None if sys.stdout.isatty() else 160)
     with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(options.jobs) as pool:
         work = [None, *mutants]  # first the sources as they are: only then does a failing test mean anything
         futures = [pool.submit(_run, mutant, mutants, Path(scratch) / str(i)) for i, mutant in enumerate(work)]
@@ -182,7 +182,9 @@ def _line(outcome: Outcome) -> str:
 
 
 def _table(outcomes: Sequence[Outcome]) -> Table:
-    table = Table("case", "guard taken out", "file", "caught by", title="Guards of the hard cases")
+    table = Table(title="Guards of the hard cases")
+    for heading in ("case", "guard taken out", "file", "caught by"):
+        table.add_column(heading, overflow="fold")
     for case, guard, file, caught in _rows(outcomes):
         table.add_row(case, guard, file, caught)
     return table

@@ -135,8 +135,9 @@ def _bake_views(
     pending = writer.pending
     if not pending:
         return
-    integrator = SphereIntegrator(environment.emitter(), material.bsdf(), config.map.resolution)
-    blocks = block_sizes(config.sampling.samples)
+    sampling = config.sampling
+    integrator = SphereIntegrator(environment.emitter(), material.bsdf(), config.map.resolution, sampling.clamp)
+    blocks = block_sizes(sampling.samples)
     done = len(directions) - len(pending)
     for finished, index in enumerate(pending, start=done):
         start = time.perf_counter()
@@ -145,8 +146,9 @@ def _bake_views(
             on_progress(Progress(views_done, len(directions), block, len(blocks)))
 
         frame = view_frame(directions[index])
-        baked = bake_view(integrator, frame, blocks, seed=config.sampling.seed, index=index, on_block=report)
-        writer.commit(index, baked, time.perf_counter() - start)
+        baked = bake_view(integrator, frame, blocks, seed=sampling.seed, index=index, on_block=report)
+        seconds = max(0.0, time.perf_counter() - start)  # no clock that jumps may cost a view
+        writer.commit(index, baked, seconds)
     on_progress(Progress(len(directions), len(directions), 0, len(blocks)))
 
 

@@ -35,6 +35,8 @@ class SphereIntegrator:
         The coating.
     resolution : int
         Texels a side.
+    clamp : float, optional
+        Radiance [W sr⁻¹ m⁻²] above which a sample counts as this much: quieter, and too dark. A NaN stays one.
 
     Attributes
     ----------
@@ -42,7 +44,7 @@ class SphereIntegrator:
         Share of each texel inside the disk; zero below `LEAST_COVERAGE`.
     """
 
-    def __init__(self, emitter: dict[str, Any], bsdf: mi.BSDF, resolution: int) -> None:
+    def __init__(self, emitter: dict[str, Any], bsdf: mi.BSDF, resolution: int, clamp: float | None = None) -> None:
         exact = texel_coverage(resolution)
         self.coverage = np.where(exact < LEAST_COVERAGE, 0, exact).astype(np.float32)
         self._light = mi.load_dict({"type": "scene", "light": emitter})
@@ -50,6 +52,7 @@ class SphereIntegrator:
         self._samples_light = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
         self._samples_bsdf = self._light.environment() is not None
         self._resolution = resolution
+        self._clamp = None if clamp is None else dr.opaque(mi.Float, clamp)
         self._texels = resident(mi.UInt32, np.flatnonzero(self.coverage).astype(np.uint32))
 
     def block(self, frame: NDArray[np.float64], samples: int, seeds: np.random.SeedSequence) -> NDArray[np.float32]:
@@ -94,7 +97,7 @@ class SphereIntegrator:
         texel = dr.gather(mi.UInt32, self._texels, dr.arange(mi.UInt32, lanes) // samples)
         n = matrix @ normal_from_disk(self._point_in_disk(texel, sampler.next_2d(), seed_lane))
         v = mi.Vector3f(matrix[0, 2], matrix[1, 2], matrix[2, 2])
-        radiance = self._reflected(_interaction(n, v), sampler)
+        radiance = self._clamped(self._reflected(_interaction(n, v), sampler))
         dr.eval(radiance)  # once for the three channels, not once a sum
         return mi.Color3f(*(dr.block_sum(channel, samples) / samples for channel in radiance))
 
@@ -134,11 +137,17 @@ class SphereIntegrator:
             radiance += self._from_bsdf(si, sampler)
         return radiance
 
+    def _clamped(self, radiance: mi.Color3f) -> mi.Color3f:
+        if self._clamp is None:
+            return radiance
+        return dr.select(radiance > self._clamp, self._clamp, radiance)  # not `minimum`: it would swallow a NaN
+
     def _from_light(self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler) -> mi.Color3f:
         light, weight = self._light.sample_emitter_direction(si, sampler.next_2d(), test_visibility=False)
         value, pdf = self._bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(light.d))
         share = light.pdf / (light.pdf + pdf) if self._samples_bsdf else mi.Float(1)
-        return dr.select(light.pdf > 0, value * weight * dr.select(light.delta, 1, share), 0)
+        # Only a density of zero is no sample: one of NaN reaches the map, where it is counted
+        return dr.select(~(light.pdf <= 0), value * weight * dr.select(light.delta, 1, share), 0)
 
     def _from_bsdf(self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler) -> mi.Color3f:
         drawn, weight = self._bsdf.sample(mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d())
@@ -150,7 +159,7 @@ class SphereIntegrator:
         pdf = environment.pdf_direction(si, direction)
         is_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
         share = dr.select(is_delta, 1, drawn.pdf / (drawn.pdf + pdf))
-        return dr.select(drawn.pdf > 0, weight * environment.eval(escaped) * share, 0)
+        return dr.select(~(drawn.pdf <= 0), weight * environment.eval(escaped) * share, 0)
 
 
 def _interaction(n: mi.Vector3f, v: mi.Vector3f) -> mi.SurfaceInteraction3f:

@@ -46,6 +46,24 @@ class MaterialRecord(_Record):
     warp: Literal["mirror", "normal"]
 
 
+class HealthRecord(_Record):
+    """Texels of one map that are not to be trusted, counted when it was stored; `rsibr check` shows where they are.
+
+    Attributes
+    ----------
+    non_finite, holes, fireflies, half_overflow : int
+        Counts by kind; see `rsibr.bake.health.MapHealth`.
+    largest : float
+        Largest finite radiance [W sr⁻¹ m⁻²].
+    """
+
+    non_finite: int = Field(ge=0)
+    holes: int = Field(ge=0)
+    fireflies: int = Field(ge=0)
+    half_overflow: int = Field(ge=0)
+    largest: float
+
+
 class ViewState(_Record):
     """One view of the bake, and its file once that is done.
 
@@ -61,6 +79,8 @@ class ViewState(_Record):
         Checksum and size [bytes] of the file, time that the view took to bake [s]; None until done.
     done : bool
         Whether the file is there, whole.
+    health : HealthRecord or None
+        What is wrong with the map; None until done, and in bakes older than this record.
     """
 
     index: int = Field(ge=0)
@@ -70,6 +90,7 @@ class ViewState(_Record):
     seconds: float | None = Field(None, ge=0.0)
     bytes: int | None = Field(None, ge=0)
     done: bool = False
+    health: HealthRecord | None = None
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
@@ -78,16 +99,25 @@ class ViewState(_Record):
         known = [value is not None for value in (self.sha256, self.seconds, self.bytes)]
         if not (all(known) if self.done else not any(known)):
             raise ValueError(f"view {self.index} has checksum, seconds and bytes if and only if it is done")
+        if self.health is not None and not self.done:
+            raise ValueError(f"view {self.index} is not done and cannot know its health")
         return self
 
     def pending(self) -> ViewState:
         """Return the same view with nothing done."""
         return ViewState(index=self.index, view=self.view, file=self.file)
 
-    def finished(self, sha256: str, seconds: float, size: int) -> ViewState:
-        """Return the same view with its file: checksum, time it took [s], size [bytes]."""
+    def finished(self, sha256: str, seconds: float, size: int, health: HealthRecord | None = None) -> ViewState:
+        """Return the same view with its file: checksum, time it took [s], size [bytes], what is wrong with the map."""
         return ViewState(
-            index=self.index, view=self.view, file=self.file, sha256=sha256, seconds=seconds, bytes=size, done=True
+            index=self.index,
+            view=self.view,
+            file=self.file,
+            sha256=sha256,
+            seconds=seconds,
+            bytes=size,
+            done=True,
+            health=health,
         )
 
 
@@ -167,7 +197,7 @@ class Manifest(_Record):
             If `config` or `identity` holds an object that JSON does not know.
         """
         rows = [(float(x), float(y), float(z)) for x, y, z in np.asarray(directions, np.float64)]
-        plain_config = json.loads(canonical(config))
+        plain_config = json.loads(json.dumps(config, allow_nan=False))  # in its order: Mitsuba nests plugins by it
         return cls(
             config=plain_config,
             config_hash=checksum(canonical(plain_config)),
@@ -255,7 +285,7 @@ def read_manifest(path: Path) -> Manifest:
     if not whole:
         raise BakeError("was altered: its checksum does not match", where=str(path), fix=remedy)
     try:
-        return Manifest.model_validate_json(canonical(body))
+        return Manifest.model_validate_json(json.dumps(body))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))

@@ -14,6 +14,7 @@ from filelock import FileLock
 from rsibr.bake.atomic import is_leftover, unwritable
 from rsibr.bake.difference import differences
 from rsibr.bake.directory import claim_directory, entries, is_whole, lock_directory, make_folder
+from rsibr.bake.health import map_health
 from rsibr.bake.manifest import MANIFEST_NAME, MAPS_NAME, Manifest, ViewState, read_manifest, write_manifest
 from rsibr.bake.map_file import MapFile, write_map
 from rsibr.errors import BakeError
@@ -111,7 +112,8 @@ class BakeWriter:
             raise ValueError(f"a view cannot take {seconds} s")
         file = self.path / state.file
         sha256 = write_map(file, map_file)
-        done = state.finished(sha256=sha256, seconds=float(seconds), size=file.stat().st_size)
+        size, health = file.stat().st_size, map_health(map_file).record()
+        done = state.finished(sha256=sha256, seconds=float(seconds), size=size, health=health)
         self._record(self.manifest.with_views(done))
 
     def close(self) -> None:

@@ -19,18 +19,25 @@ def bake(
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the config.")
     ] = None,
+    clamp: Annotated[
+        float | None,
+        typer.Option(help="Clamp samples of more radiance than this: less noise, and a bias that `check` reports."),
+    ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start anew, whatever OUT holds of an earlier bake.")] = False,
     json_output: Json = False,
 ) -> None:
     """Render the radiance sphere maps of all views. A bake that was killed goes on where it was."""
     from rsibr.bake.baker import bake as run_bake
-    from rsibr.cli.console import bake_progress, note_clipped
+    from rsibr.cli.console import bake_progress, note_clipped, note_health
+
+    overrides = [*(overrides or ()), *(() if clamp is None else (f"sampling.clamp={clamp}",))]
 
     with bake_progress() as show:
         finished = run_bake(
-            config, out=out or Path(f"{config.stem}.rsibr"), overrides=overrides or (), fresh=fresh, on_progress=show
+            config, out=out or Path(f"{config.stem}.rsibr"), overrides=overrides, fresh=fresh, on_progress=show
         )
     note_clipped(finished)
+    note_health(finished)
     if json_output:
         state = {
             "bake": str(finished.path),

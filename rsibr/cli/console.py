@@ -64,6 +64,20 @@ def note_clipped(bake: Bake) -> None:
         )
 
 
+def note_health(bake: Bake) -> None:
+    """Say what the maps hold that cannot be trusted, if anything."""
+    records = [state.health for state in bake.manifest.views if state.health is not None]
+    counts = {
+        "non-finite": sum(record.non_finite for record in records),
+        "missing": sum(record.holes for record in records),
+        "firefly": sum(record.fireflies for record in records),
+        "half-float overflow": sum(record.half_overflow for record in records),
+    }
+    found = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
+    if found:
+        console.print(f"note: texels to look at: {found}. `rsibr check {bake.path}` says where")
+
+
 def _bars() -> Progress:
     return Progress(
         TextColumn("{task.description}"),

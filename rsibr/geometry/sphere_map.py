@@ -11,6 +11,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+TILE = 16
+"""Texels a side of the tiles in which whole maps are worked through."""
+
 
 def normal_from_disk(p: mi.Point2f) -> mi.Vector3f:
     """Surface normal at the map point `p`: g_normal.
@@ -90,8 +93,33 @@ def disk_from_reflection(r: mi.Vector3f) -> mi.Point2f:
     return mi.Point2f(r.x * half_length, r.y * half_length)
 
 
+def texel_centre(index: mi.UInt32, resolution: int) -> mi.Point2f:
+    """Map point of a texel's centre.
+
+    Parameters
+    ----------
+    index : mi.UInt32
+        Texels of an N×N image, row-major from the top left.
+    resolution : int
+        N, texels a side.
+
+    Returns
+    -------
+    mi.Point2f
+        Points of the square [−1, 1]².
+    """
+    row, column = index // resolution, index % resolution
+    step = 2.0 / resolution
+    return mi.Point2f((column + 0.5) * step - 1, 1 - (row + 0.5) * step)
+
+
 def texel_centres(resolution: int) -> mi.Point2f:
-    """Map points of the texel centres of an N×N image, row-major from the top left.
+    """Map points of all texel centres of an N×N image, row-major from the top left; see `texel_centre`."""
+    return texel_centre(dr.arange(mi.UInt32, resolution * resolution), resolution)
+
+
+def tiled_texels(resolution: int) -> mi.UInt32:
+    """Indices of all texels of an N×N image, tile by tile.
 
     Parameters
     ----------
@@ -100,13 +128,21 @@ def texel_centres(resolution: int) -> mi.Point2f:
 
     Returns
     -------
-    mi.Point2f
-        N² points of the square [−1, 1]².
+    mi.UInt32
+        Row-major indices in the order of tiles of `TILE`². Where N is no multiple of it, the last tiles repeat texels of
+        the last row and column.
+
+    Notes
+    -----
+    A warp turns: neighbours in a row of one map lie in a column of another. Tiles keep what is looked up together near
+    together in memory, whatever the angle.
     """
-    index = dr.arange(mi.UInt32, resolution * resolution)
-    row, column = index // resolution, index % resolution
-    step = 2.0 / resolution
-    return mi.Point2f((column + 0.5) * step - 1, 1 - (row + 0.5) * step)
+    tiles = -(-resolution // TILE)
+    index = dr.arange(mi.UInt32, tiles * tiles * TILE * TILE)
+    tile, within = index // (TILE * TILE), index % (TILE * TILE)
+    row = (tile // tiles) * TILE + within // TILE
+    column = (tile % tiles) * TILE + within % TILE
+    return dr.minimum(row, resolution - 1) * resolution + dr.minimum(column, resolution - 1)
 
 
 def texel_coverage(resolution: int) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.frame import frame_of
-from rsibr.geometry.sphere_map import normal_from_disk, texel_centres
+from rsibr.geometry.sphere_map import normal_from_disk, texel_centre, tiled_texels
 from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.reconstruct.blend import Mix, Mixture
 from rsibr.reconstruct.mesh import DiskMesh, MeshWarp, within_disk
@@ -80,7 +80,7 @@ class Method:
         local = frame.T @ n
         return _blended(self.sources, mixture, [warp(local) for warp in warps])
 
-    def map(self, frame: NDArray[np.float64], resolution: int) -> mi.Color3f:
+    def map(self, frame: NDArray[np.float64], resolution: int) -> mi.TensorXf:
         """Radiance of a whole sphere map, not yet waited for.
 
         Parameters
@@ -92,8 +92,9 @@ class Method:
 
         Returns
         -------
-        mi.Color3f
-            Radiance of resolution² texels, row-major from the top left; zero outside the disk.
+        mi.TensorXf
+            RGBA of shape (resolution, resolution, 4), row 0 at the top: radiance, and 1 where a texel may touch the
+            disk; zero elsewhere.
 
         Notes
         -----
@@ -105,19 +106,24 @@ class Method:
         dr.make_opaque(matrix)
         mixture, warps = self._toward(matrix)
         dr.eval(mixture, warps)
-        return self._texels(resolution, mixture, warps)
+        texel = tiled_texels(resolution)
+        radiance = self._texels(texel, resolution, mixture, warps)
+        # One packet a texel: with four channels it is written whole, as it is read
+        image = dr.empty(mi.Float, 4 * resolution**2)
+        dr.scatter(image, radiance, texel)
+        return mi.TensorXf(image, (resolution, resolution, 4))
 
     def _toward(self, frame: mi.Matrix3f) -> tuple[Mixture, list[Warp]]:
         """The sources of the view that `frame` looks from, and the warps to them."""
         mixture = self.mix(self.viewpoints, self.sources, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
         return mixture, [self.warp(stored, frame) for stored in mixture.views]
 
-    def _texels(self, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Color3f:
-        def blended(n: mi.Vector3f) -> mi.Color3f:
-            return _blended(self.sources, mixture, [warp(n) for warp in warps])
+    def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Vector4f:
+        def blended(n: mi.Vector3f) -> mi.Vector4f:
+            return _opaque(_blended(self.sources, mixture, [warp(n) for warp in warps]))
 
-        p = texel_centres(resolution)
-        return dr.if_stmt((normal_from_disk(p),), _touches_disk(p, resolution), blended, lambda _: mi.Color3f(0))
+        p = texel_centre(texel, resolution)
+        return dr.if_stmt((normal_from_disk(p),), _touches_disk(p, resolution), blended, lambda _: mi.Vector4f(0))
 
 
 @dataclass(eq=False)
@@ -140,8 +146,8 @@ class MeshMethod(Method):
         local = frame.T @ n
         return _blended(self.sources, mixture, [MeshWarp(self.mesh, warp)(local) for warp in warps])
 
-    def _texels(self, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Color3f:
-        p = texel_centres(resolution)
+    def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Vector4f:
+        p = texel_centre(texel, resolution)
         if resolution not in self._corners:
             # Which triangle a texel lies in does not change with the view
             self._corners[resolution] = self.mesh.corners(p)
@@ -150,17 +156,16 @@ class MeshMethod(Method):
         vertices = [_packed(*warp(n)) for warp in warps]
         dr.eval(vertices)
 
-        def blended(corner: mi.Vector3u, share: mi.Vector3f) -> mi.Color3f:
-            return _blended(self.sources, mixture, [_interpolated(packed, corner, share) for packed in vertices])
+        def blended(corner: mi.Vector3u, share: mi.Vector3f) -> mi.Vector4f:
+            looked_up = [_interpolated(packed, corner, share) for packed in vertices]
+            return _opaque(_blended(self.sources, mixture, looked_up))
 
         return dr.if_stmt(
-            self._corners[resolution], _touches_disk(p, resolution), blended, lambda _corner, _share: mi.Color3f(0)
+            self._corners[resolution], _touches_disk(p, resolution), blended, lambda _corner, _share: mi.Vector4f(0)
         )
 
 
-def _blended(
-    sources: SourceMaps, mixture: Mixture, looked_up: list[tuple[mi.Point2f, mi.Float]]
-) -> mi.Color3f:
+def _blended(sources: SourceMaps, mixture: Mixture, looked_up: list[tuple[mi.Point2f, mi.Float]]) -> mi.Color3f:
     """Σ w_i c_i S_i(p_i) / Σ w_i c_i: a weight fades where its source is not to be trusted."""
     radiance, total = mi.Color3f(0), mi.Float(0)
     for stored, weight, (p, confidence) in zip(mixture.views, mixture.weights, looked_up, strict=True):
@@ -168,6 +173,10 @@ def _blended(
         radiance += trusted * sources.fetch(stored.index, p)
         total += trusted
     return radiance * (1 / total)
+
+
+def _opaque(radiance: mi.Color3f) -> mi.Vector4f:
+    return mi.Vector4f(radiance.x, radiance.y, radiance.z, 1)
 
 
 def _touches_disk(p: mi.Point2f, resolution: int) -> mi.Bool:

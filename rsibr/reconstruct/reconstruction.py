@@ -106,5 +106,5 @@ def run(method: Method, frame: NDArray[np.float64], resolution: int) -> Reconstr
     backend.synchronize()
     seconds = time.perf_counter() - start
     coverage = texel_coverage(resolution)
-    image = np.array(radiance).T.reshape(resolution, resolution, 3) * (coverage > 0)[..., None].astype(np.float32)
+    image = np.where(coverage[..., None] > 0, radiance.numpy()[..., :3], np.float32(0))
     return Reconstruction(frame[:, 2].copy(), frame, image, coverage, method.name, seconds)

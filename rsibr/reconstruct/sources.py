@@ -80,7 +80,8 @@ class SourceMaps:
         stride = resolution + 2 * _BORDER
         if 4 * count * stride**2 > MAX_FLOATS:
             raise MachineError(
-                f"{count} maps of {resolution}² do not fit into one device array", fix="lower the resolution or the views"
+                f"{count} maps of {resolution}² do not fit into one device array",
+                fix="lower the resolution or the views",
             )
         texels = np.zeros((count, stride, stride, 4), dtype=np.float32)
         for image, covered, texel in zip(radiance, coverage > 0, texels, strict=True):

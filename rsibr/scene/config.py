@@ -164,10 +164,21 @@ class MapConfig(_Section):
 
 
 class SamplingConfig(_Section):
-    """The samples: `samples` a texel (4 to 2^24), and the root `seed` of all randomness."""
+    """The samples.
+
+    Attributes
+    ----------
+    samples : int
+        Samples a texel, 4 to 2^24.
+    seed : int
+        Root of all randomness.
+    clamp : float, optional
+        Radiance above which a single sample is clamped: fewer fireflies, and maps that are too dark. By default none.
+    """
 
     samples: int = Field(default=1024, ge=4, le=2**24)
     seed: int = Field(default=0, ge=0, lt=2**63)
+    clamp: Finite | None = Field(default=None, gt=0.0)
 
 
 class Config(_Section):

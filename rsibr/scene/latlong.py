@@ -94,7 +94,8 @@ def _is_exr(path: Path) -> bool:
 
 
 def _check_whole_panorama(path: Path) -> None:
-    header = OpenEXR.File(str(path), header_only=True).header(0)
+    with mitsuba_errors(str(path), "save it again as OpenEXR; its header is damaged"):  # it complains as Mitsuba does
+        header = OpenEXR.File(str(path), header_only=True).header(0)
     if not np.array_equal(np.ravel(header["dataWindow"]), np.ravel(header["displayWindow"])):
         raise InputError(
             "shows only a part of its panorama (data and display window differ)",

@@ -40,12 +40,12 @@ def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
         a sphere map holds one material.
     """
     folder = source.parent if isinstance(source, Path) else None
-    with _search_path(folder):
+    # A name in XML may hold bytes that are no text: whatever asks for names can raise.
+    with _search_path(folder), mitsuba_errors(where, _FIX):
         state = _parse(source, where)
         _check_nodes(state, where)
         _root_at_bsdf(state, where)
-        with mitsuba_errors(where, _FIX):
-            return mi.parser.instantiate(_parser_config(), state)
+        return mi.parser.instantiate(_parser_config(), state)
 
 
 def bsdf_digest(source: BsdfSource, where: str) -> str:
@@ -60,7 +60,7 @@ def bsdf_digest(source: BsdfSource, where: str) -> str:
     try:
         texts = [ElementTree.canonicalize(from_file=str(file), strip_text=True) for file in xml_files]
         data_files = [file for xml in xml_files for file in _files_named_in(xml) if file.is_file()]
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise InputError(f"is not well-formed XML: {error}", where=where) from None
     return content_digest("\n".join(texts), data_files)
 

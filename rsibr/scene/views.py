@@ -34,6 +34,8 @@ def load_viewpoints(config: ViewsConfig) -> Viewpoints:
         return from_directions(content["directions"], content.get("triangles"))
     except InputError as error:
         raise InputError(error.what, where=str(config.file), fix=error.fix) from None
+    except OverflowError:
+        raise InputError("holds a number that is too large", where=str(config.file)) from None
 
 
 def _read_json(path: Path) -> Any:

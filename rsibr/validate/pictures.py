@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.image import imsave
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from rsibr.validate.reference import Reference
 
@@ -113,6 +114,26 @@ def false_colour(values: NDArray[np.floating], scale: Scale) -> Rgba:
     rgba = colormaps[COLOUR_MAP](np.nan_to_num(position))
     rgba[..., 3] = np.isfinite(position)
     return _to_bytes(rgba)
+
+
+def outlined(picture: Rgba, found: NDArray[np.bool_], colour: tuple[int, int, int]) -> Rgba:
+    """Draw a square around each found texel, wide enough to be seen, the texel itself left as it is.
+
+    Parameters
+    ----------
+    picture : ndarray, shape (H, W, 4), uint8
+    found : ndarray of bool, shape (H, W)
+    colour : tuple of int
+        Red, green, blue, 0 to 255.
+
+    Returns
+    -------
+    ndarray, shape (H, W, 4), uint8
+        A new picture; squares of neighbouring texels merge into one outline.
+    """
+    reach = max(2, len(found) // 40)
+    inner, outer = (binary_dilation(found, np.ones((2 * r + 1, 2 * r + 1), np.bool_)) for r in (reach - 1, reach))
+    return np.where((outer & ~inner)[..., None], np.array([*colour, 255], np.uint8), picture)
 
 
 def bar_colours(count: int = 17) -> list[str]:

@@ -14,6 +14,8 @@ import rsibr
 from rsibr.bake.baker import bake
 from rsibr.bake.store import open_bake
 from rsibr.errors import BakeError
+from rsibr.scene.config import Config
+from rsibr.scene.material import load_material
 
 CONFIG = """
 [environment]
@@ -90,6 +92,15 @@ def test_changed_environment_file_is_refused(config, tmp_path, gradient_sky, asy
     copy.write_bytes(gradient_sky.read_bytes())
     with pytest.raises(BakeError, match="environment"):
         bake(config, out=tmp_path / "b.rsibr", overrides=[f"environment.file={copy}"])
+
+
+def test_config_comes_back_from_the_manifest_as_it_went_in(config, tmp_path):
+    """The order of nested plugins too: it says which of two BSDFs a blend takes first."""
+    blend = '{type="blendbsdf", weight=0.3, z={type="diffuse"}, a={type="roughconductor", alpha=0.2}}'
+    out = bake(config, out=tmp_path / "b.rsibr", overrides=[f"material.bsdf={blend}"]).path
+    read = Config.model_validate(open_bake(out).config)
+    assert list(read.material.bsdf) == ["type", "weight", "z", "a"]
+    assert load_material(read.material).digest == open_bake(out).manifest.identity["material"]["content"]
 
 
 def test_manifest_tells_what_made_the_bake(config, tmp_path):

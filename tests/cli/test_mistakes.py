@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 
 import numpy as np
 import pytest
 from filelock import FileLock
 
-from rsibr.bake.manifest import canonical, checksum
+from rsibr.bake.manifest import read_manifest, write_manifest
 from tests.cli.command import CONFIG, write_config
 from tests.scene.maps import write_exr
 
@@ -181,11 +180,8 @@ def test_what_is_no_bake(shell, config, tmp_path):
 def unfinish(bake):
     """Take the last view back, as a killed bake leaves it."""
     path = bake / "manifest.json"
-    body = json.loads(path.read_text())
-    del body["checksum"]
-    body["views"][-1] |= {"done": False, "sha256": None, "seconds": None, "bytes": None}
-    body["checksum"] = checksum(canonical(body))
-    path.write_text(json.dumps(body, indent=1, ensure_ascii=False) + "\n")
+    manifest = read_manifest(path)
+    write_manifest(path, manifest.with_views(manifest.views[-1].pending()))
 
 
 def test_a_bake_that_is_not_finished(shell, baked, tmp_path):

@@ -9,6 +9,7 @@ from rsibr.geometry.sphere_map import (
     normal_from_disk,
     reflection_from_disk,
     texel_centres,
+    tiled_texels,
     texel_coverage,
 )
 from tests.arrays import disk_grid, point, to_numpy, unit_vectors, vector
@@ -64,8 +65,14 @@ def test_normals_that_face_away_are_taken_to_the_rim(rng):
 
 def test_texel_centres_start_at_the_top_left():
     x, y = disk_grid(7)
-    assert np.abs(to_numpy(texel_centres(7)) - np.stack([x.ravel(), y.ravel()])).max() < 1e-6
-    assert to_numpy(texel_centres(7))[:, 0] == pytest.approx([-6 / 7, 6 / 7], abs=1e-6)
+    centres = to_numpy(texel_centres(7))
+    assert np.abs(centres - np.stack([x.ravel(), y.ravel()])).max() < 1e-6
+    assert centres[:, 0] == pytest.approx([-6 / 7, 6 / 7], abs=1e-6)
+
+
+@pytest.mark.parametrize("resolution", [1, 8, 16, 33, 64])
+def test_tiles_hold_every_texel(resolution):
+    assert set(np.array(tiled_texels(resolution)).tolist()) == set(range(resolution**2))
 
 
 @pytest.mark.parametrize("resolution", [1, 2, 3, 8, 33, 256])

@@ -46,7 +46,7 @@ def test_hc30_nan_and_inf_raise_with_their_place(value, side, coverage):
 def test_hc31_identical_images_have_no_error():
     """Exactly 0, with an interval of no width, and not said to be noise.
 
-    Fails when something is added to the difference.
+    Fails when an exact zero is called noise: mutant hc31.
     """
     error = compare(smooth_map(), exact(smooth_map()), EXPOSURES)
     assert error.rel_mse.value == error.smape == error.flip == error.worst_texel.error == 0
@@ -57,7 +57,8 @@ def test_hc31_identical_images_have_no_error():
 def test_hc31_a_difference_of_noise_alone_has_an_interval_that_covers_zero(rng, monkeypatch):
     """Relative standard errors of 0.3 to 3 %: of 100 intervals of 95 % fewer than 84 cover 0 with probability 1e-5.
 
-    Fails when the noise of the reference is not taken out: mutant hc31.
+    The noise's bias is taken out twice, texel by texel and by the jackknife, and either would do: so the guards are the
+    intervals. Fails when they are those of a plain mean over the buffers left out: mutant hc31.
     """
     monkeypatch.setattr("rsibr.validate.metrics.flip_map", lambda reference, *_: np.zeros(reference.shape[:2]))
     truth = smooth_map(24)

@@ -195,7 +195,7 @@ def judged_error(sphere, frame, warp):
 def test_hc22_a_retroreflector_shows_its_larger_error_and_no_nan(warp):
     """Under either warp its relMSE is ten times a fitting lobe's or more; every number is finite, at stored views too.
 
-    Fails when a lone source's confidence may vanish, or the error is averaged away: mutants hc22.
+    Fails when a lone source's confidence may vanish, or errors are clamped: mutants hc22.
     """
     fitting = {"mirror": mirror_sphere, "normal": matte_sphere}[warp]
     for view in VIEWS:
@@ -213,7 +213,7 @@ def test_hc22_a_retroreflector_shows_its_larger_error_and_no_nan(warp):
 def test_hc22_an_anisotropic_lobe_bakes_finite(asymmetric_environment):
     """Brushed metal: every texel finite and lit; Mitsuba says that it is anisotropic, which a plan can go by.
 
-    Fails when the samples of the BSDF are divided by the light's density alone: mutant hc22.
+    Fails when the surface has no frame of its own: mutant hc22.
     """
     material = load_material(MaterialConfig(bsdf={"type": "roughconductor", "alpha_u": 0.05, "alpha_v": 0.4}))
     assert mi.has_flag(material.bsdf().flags(), mi.BSDFFlags.Anisotropic)

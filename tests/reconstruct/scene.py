@@ -54,7 +54,7 @@ def method(sphere=mirror_sphere, resolution=64, *, warp=MirrorWarp.between, mix=
 
 def image(made, frame, resolution):
     """The map that a method makes, as (N, N, 3) of float64."""
-    return np.array(made.map(frame, resolution), dtype=np.float64).T.reshape(resolution, resolution, 3)
+    return made.map(frame, resolution).numpy()[..., :3].astype(np.float64)
 
 
 def inside(resolution, radius=1.0):

@@ -187,4 +187,4 @@ def test_eval_takes_a_view_a_lane(rng):
 def test_maps_of_other_sizes_than_the_stored_ones():
     frame = view_frame([1, 2, 3])
     assert np.abs(image(method(resolution=128), frame, 48) - mirror_sphere(frame, 48))[inside(48, 0.9)].max() < 0.01
-    assert isinstance(method().map(frame, 48), mi.Color3f)
+    assert isinstance(method().map(frame, 48), mi.TensorXf)

@@ -1,0 +1,81 @@
+"""A crash or a hang inside Mitsuba ends as an error, in this process and not with it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from rsibr.errors import InputError
+from rsibr.scene import trial
+from rsibr.scene.config import EnvironmentConfig, MaterialConfig
+from rsibr.scene.environment import load_environment
+from rsibr.scene.material import load_material
+
+# Runs in the child before anything else: without the check that Mitsuba does not survive the lack of.
+UNGUARDED = "import rsibr.scene.mitsuba_bsdf as module\nmodule.NESTED = {}\n"
+
+
+@pytest.fixture(autouse=True)
+def _with_trials(monkeypatch):
+    monkeypatch.delenv(trial.IN_TRIAL)
+    monkeypatch.setattr(trial, "_survived", set())
+
+
+def test_a_plugin_that_segfaults_is_the_users_mistake(tmp_path, monkeypatch):
+    (tmp_path / "sitecustomize.py").write_text(UNGUARDED)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    for config in (MaterialConfig(bsdf={"type": "blendbsdf"}), MaterialConfig(file=_blend_xml(tmp_path))):
+        with pytest.raises(InputError, match=r"crashed \(SIG[A-Z]+\) while loading it"):
+            load_material(config)
+
+
+def _blend_xml(folder):
+    path = folder / "blend.xml"
+    path.write_text('<bsdf version="3.0.0" type="blendbsdf"/>')
+    return path
+
+
+def _child(monkeypatch, code):
+    real = subprocess.run
+    monkeypatch.setattr(trial.subprocess, "run", lambda _, **options: real([sys.executable, "-c", code], **options))
+
+
+def test_an_emitter_that_kills_its_process_is_named(monkeypatch):
+    _child(monkeypatch, "import os; os.abort()")
+    with pytest.raises(InputError, match=r"^environment.emitter: Mitsuba crashed \(SIGABRT\)"):
+        load_environment(EnvironmentConfig(emitter={"type": "constant"}))
+
+
+def test_a_plugin_that_hangs_is_given_up(monkeypatch):
+    _child(monkeypatch, "import time; time.sleep(60)")
+    monkeypatch.setattr(trial, "TIMEOUT", 0.2)
+    with pytest.raises(InputError, match="did not load it within"):
+        load_material(MaterialConfig(bsdf={"type": "diffuse"}))
+
+
+def test_what_survived_is_not_tried_again(monkeypatch):
+    tried = []
+
+    def count(document, _where):
+        tried.append(document)
+        return 0
+
+    monkeypatch.setattr(trial, "_run_child", count)
+    for reflectance in (0.5, 0.5, 0.6):
+        load_material(MaterialConfig(bsdf={"type": "diffuse", "reflectance": reflectance}))
+    load_material(MaterialConfig(preset="matte-lambert"))
+    assert len(tried) == 2
+
+
+def test_a_trial_loads_samples_and_leaves_complaints_to_mitsuba():
+    load_material(MaterialConfig(bsdf={"type": "roughconductor", "alpha": 0.2}))
+    with pytest.raises(InputError, match="not found"):
+        load_material(MaterialConfig(bsdf={"type": "no-such-plugin"}))
+
+
+def test_the_loader_that_is_tried_is_the_one_in_use():
+    trial.try_section({"material": {"bsdf": {"type": "diffuse"}}})
+    with pytest.raises(InputError, match="no emitter at infinity"):
+        trial.try_section({"environment": {"emitter": {"type": "point"}}})
