@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rsibr.reconstruct.methods import METHODS as METHODS
     from rsibr.reconstruct.reconstruction import reconstruct as reconstruct
     from rsibr.scene.config import load_config as load_config
+    from rsibr.validate.check import check as check
     from rsibr.validate.validation import validate as validate
 
 __version__ = "0.1.0"
@@ -27,13 +28,14 @@ __version__ = "0.1.0"
 _HOME = {
     "METHODS": "rsibr.reconstruct.methods",
     "bake": "rsibr.bake.baker",
+    "check": "rsibr.validate.check",
     "load_config": "rsibr.scene.config",
     "open_bake": "rsibr.bake.store",
     "reconstruct": "rsibr.reconstruct.reconstruction",
     "validate": "rsibr.validate.validation",
 }
 
-__all__ = ["METHODS", "__version__", "bake", "load_config", "open_bake", "reconstruct", "validate"]
+__all__ = ["METHODS", "__version__", "bake", "check", "load_config", "open_bake", "reconstruct", "validate"]
 
 
 def __getattr__(name: str) -> Any:

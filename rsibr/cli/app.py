@@ -8,6 +8,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from rsibr.cli.bake import bake
+from rsibr.cli.check import check
 from rsibr.cli.demo import demo
 from rsibr.cli.doctor import doctor
 from rsibr.cli.ending import run
@@ -21,7 +22,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (demo, doctor, bake, reconstruct, validate):
+for command in (demo, doctor, bake, check, reconstruct, validate):
     app.command()(command)
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from rsibr.validate.estimate import Estimate
+from rsibr.validate.health_document import HealthModel
 from rsibr.validate.results import MethodResult, MethodSummary, Validation, ViewResult
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -157,6 +158,7 @@ class MetricsDocument(_Model):
     reference: ReferenceModel
     views: list[ViewModel]
     summary: dict[str, SummaryModel]
+    health: HealthModel | None = Field(description="numerical health of the bake; null where nobody looked")
 
     def to_json(self) -> str:
         """Return strict JSON, indented."""
@@ -190,6 +192,7 @@ def metrics_document(validation: Validation) -> MetricsDocument:
         ),
         views=[ViewModel.of(view) for view in validation.views],
         summary={name: SummaryModel.of(s, validation.bake.bytes) for name, s in validation.summary.items()},
+        health=None if validation.health is None else HealthModel.of(validation.health),
     )
 
 

@@ -62,8 +62,8 @@ class Place:
     normal, reflection : tuple of float
         The surface normal there and the mirrored view direction, unit vectors in world coordinates.
     value : float or None
-        What makes it a finding: relative standard error of a firefly, radiance of an overflow, coverage of a hole; None
-        where it is no number.
+        What makes it a finding: relative standard error of a firefly, radiance of an overflow; None where that is
+        infinite, and for the other kinds.
     """
 
     view: int
@@ -250,13 +250,15 @@ class _Survey:
     def _note_places(self, kind: str, index: int, map_file: MapFile, seen: MapHealth) -> None:
         cells = np.argwhere(seen.found[kind])
         badness = _badness(kind, map_file, seen)[tuple(cells.T)]
-        order = np.argsort(-badness, kind="stable")[:MOST_PLACES]
-        here = [(float(badness[i]), _place(index, map_file, *cells[i].tolist(), kind, float(badness[i]))) for i in order]
-        self._places[kind] = heapq.nlargest(MOST_PLACES, [*self._places[kind], *here], key=lambda entry: entry[0])
+        for i in np.argsort(-badness, kind="stable")[:MOST_PLACES]:
+            row, column = cells[i].tolist()
+            value = float(badness[i])
+            self._places[kind].append((value, _place(index, map_file, row, column, value if value else None)))
+        self._places[kind] = heapq.nlargest(MOST_PLACES, self._places[kind], key=lambda entry: entry[0])
 
 
 def _badness(kind: str, map_file: MapFile, seen: MapHealth) -> NDArray[np.float64]:
-    """What texels of a kind are ranked by, the worst highest."""
+    """What texels of a kind are ranked by, the worst highest; 0 where none is worse than another."""
     if kind == "fireflies":
         return seen.relative_error
     if kind == "half_overflow":
@@ -265,18 +267,16 @@ def _badness(kind: str, map_file: MapFile, seen: MapHealth) -> NDArray[np.float6
     return np.zeros(map_file.coverage.shape)
 
 
-def _place(index: int, map_file: MapFile, row: int, column: int, kind: str, badness: float) -> Place:
+def _place(index: int, map_file: MapFile, row: int, column: int, value: float | None) -> Place:
     count = map_file.resolution
     x, y = (column + 0.5) * 2 / count - 1, 1 - (row + 0.5) * 2 / count
     shrink = max(1.0, float(np.hypot(x, y)))
     x, y = x / shrink, y / shrink
     normal = map_file.frame @ np.array([x, y, np.sqrt(max(0.0, 1 - x * x - y * y))])
     reflection = 2 * (normal @ map_file.view) * normal - map_file.view
-    coverage = float(map_file.coverage[row, column])
-    value = {"non_finite": None, "holes": coverage if np.isfinite(coverage) else None}.get(kind, badness)
-    value = value if value is None or np.isfinite(value) else None
     s, t = (column + 0.5) / count, 1 - (row + 0.5) / count
-    return Place(index, row, column, s, t, _rounded(normal), _rounded(reflection), value)
+    finite = value if value is not None and np.isfinite(value) else None
+    return Place(index, row, column, s, t, _rounded(normal), _rounded(reflection), finite)
 
 
 def _rounded(vector: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -28,7 +28,7 @@ class PlaceModel(_Model):
     t: Share = Field(description="upwards")
     normal: Direction = Field(description="surface normal, world coordinates")
     reflection: Direction = Field(description="mirrored view direction, world coordinates")
-    value: float | None = Field(description="relative standard error, radiance or coverage, by kind; null: no number")
+    value: float | None = Field(description="relative standard error or radiance, by kind; null: no finite number")
 
 
 class FindingModel(_Model):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rsibr.validate.estimate import Estimate, mean_estimate
 from rsibr.validate.flip import Exposures
+from rsibr.validate.health import Health
 from rsibr.validate.metrics import MapError, noise_floor
 from rsibr.validate.reference import Reference
 
@@ -153,11 +154,14 @@ class Validation:
         At least one; the same methods in each.
     exposures : Exposures
         Those of FLIP, for all views.
+    health : Health or None
+        Numerical health of the bake itself; None where nobody looked.
     """
 
     bake: BakeSummary
     views: list[ViewResult]
     exposures: Exposures
+    health: Health | None = None
 
     @property
     def methods(self) -> list[str]:

@@ -51,7 +51,8 @@ def _touched(viewpoints: Viewpoints, view: NDArray[np.float64], n: mi.Vector3f) 
     touched = np.zeros(dr.width(n), dtype=np.bool_)
     for corner in range(3):
         index = int(np.array(sources[corner])[0])
-        stored = StoredView(mi.UInt32(index), *(mi.Vector3f(*axis) for axis in view_frame(viewpoints.directions[index]).T.tolist()))
+        axes = (mi.Vector3f(*axis) for axis in view_frame(viewpoints.directions[index]).T.tolist())
+        stored = StoredView(mi.UInt32(index), *axes)
         _, confidence = MirrorWarp.between(stored, frame)(n)
         touched |= np.array(confidence) < NEAR
     return touched

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsibr import backend
 from rsibr.bake.store import Bake, open_bake
-from rsibr.errors import BakeError, InputError
+from rsibr.errors import BakeError, CheckFailed, InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.reconstruct.method import Method
 from rsibr.reconstruct.methods import METHODS, MethodSet, checked_name
@@ -21,6 +21,8 @@ from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment, load_environment
 from rsibr.scene.material import Material, load_material
 from rsibr.validate.flip import exposures_for
+from rsibr.validate.health import Health, assess
+from rsibr.validate.health_report import write_health
 from rsibr.validate.metrics import compare
 from rsibr.validate.reference import MINIMUM_BUFFERS, ReferenceRenderer
 from rsibr.validate.report import write_report
@@ -77,7 +79,7 @@ def validate(
     BakeError
         If the bake cannot be read, or its inputs have changed since.
     CheckFailed
-        If a map holds NaN or Inf.
+        If a map holds NaN or Inf, or lacks texels: before anything is rendered, the findings written to `out`.
     """
     backend.use()
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
@@ -85,6 +87,7 @@ def validate(
     if not names:
         raise InputError("no method given", where="--method", fix=f"there are: {', '.join(METHODS)}")
     chosen = _chosen_views(opened, views)
+    health = _trusted_health(opened, [view for _, view in chosen], out)
     environment, material = _scene_of(opened)
     renderer = ReferenceRenderer(environment, material, opened.resolution)
     method_set = MethodSet(opened)
@@ -101,7 +104,7 @@ def validate(
             found[name] = MethodResult(made.image, error, made.seconds)
         results.append(ViewResult(frame, reference, found, label))
     on_progress(len(chosen), len(chosen))
-    validation = Validation(_summary(opened), results, exposures)
+    validation = Validation(_summary(opened), results, exposures, health)
     if out is not None:
         write_report(validation, Path(out))
     return validation
@@ -146,6 +149,17 @@ def _chosen_views(bake: Bake, views: int | Sequence[ArrayLike]) -> list[tuple[st
     if views < 1:
         raise InputError(f"{views} views", where="--views", fix="give at least 1")
     return novel_views(bake, views)
+
+
+def _trusted_health(bake: Bake, views: list[NDArray[np.float64]], out: Path | str | None) -> Health:
+    """Look at the bake itself before hours of rendering; a map with NaN or holes cannot be judged."""
+    health = assess(bake, views)
+    if health.trusted:
+        return health
+    if out is not None:
+        write_health(health, Path(out))
+    found = ", ".join(f"{f.texels} {f.meaning}" for f in health.findings.values() if f.verdict == "failed" and f.texels)
+    raise CheckFailed(f"holds {found}", where=str(bake.path), fix=f"see where: `rsibr check {bake.path}`")
 
 
 def _scene_of(bake: Bake) -> tuple[Environment, Material]:

@@ -13,7 +13,8 @@ from pydantic import ValidationError
 
 from rsibr.errors import BakeError
 from rsibr.validate.document import MetricsDocument, metrics_document, metrics_schema
-from rsibr.validate.report import duration, number, size, write_report
+from rsibr.validate.page import duration, number, size
+from rsibr.validate.report import write_report
 from rsibr.validate.results import Validation
 from tests.validate.results_double import small_validation
 

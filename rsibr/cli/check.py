@@ -1,0 +1,78 @@
+"""`rsibr check`: look for what cannot be trusted in a bake."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rsibr.cli.options import BakePath, Json, check_output_folder
+
+if TYPE_CHECKING:
+    from rsibr.validate.health import Finding, Health, Place
+
+NAMED = 3
+"""Places of a kind that are printed; `health.json` holds more."""
+
+
+def check(
+    bake: BakePath,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where to write health.html, health.json and pictures.")
+    ] = None,
+    json_output: Json = False,
+) -> None:
+    """Look for NaN, holes, fireflies, energy drift and half-float overflow in a bake; exit code 1 for the first two."""
+    if out is not None:
+        check_output_folder(out)
+    from rsibr.validate.check import check as run
+    from rsibr.validate.health_document import HealthModel
+
+    health = run(bake, out=out)
+    if json_output:
+        typer.echo(HealthModel.of(health).to_json(), nl=False)
+    else:
+        for line in _lines(health):
+            typer.echo(line)
+        if out is not None:
+            typer.echo(f"report: {out / 'health.html'}")
+    raise typer.Exit(0 if health.trusted else 1)
+
+
+def _lines(health: Health) -> Iterator[str]:
+    found = [finding for finding in health.findings.values() if finding.texels]
+    verdict = "not to be trusted" if not health.trusted else "warnings" if health.warnings else "nothing found"
+    yield f"{health.bake}: {verdict} ({health.views} views, {health.texels} texels)"
+    for finding in found:
+        yield from _finding(finding)
+    for drift in health.drifts:
+        yield f"warning: view {drift.view} holds {drift.ratio:.3f} × the {drift.channel} light that the others predict"
+    for view in health.above_light:
+        yield f"warning: view {view} is brighter on average than the environment's brightest texel"
+    if health.energy_note:
+        yield f"note: energy was not judged: {health.energy_note}"
+    if health.clamp is not None:
+        yield f"warning: samples above {health.clamp:g} were clamped: the maps are too dark where it took effect"
+    yield f"median relative standard error {health.relative_error:.2g}, largest radiance {health.largest:.4g}"
+    if health.near_singularity is not None:
+        yield f"near a source's singularity: {100 * health.near_singularity:.2g} % of a new view's texels"
+
+
+def _finding(finding: Finding) -> Iterator[str]:
+    yield f"{finding.verdict}: {finding.texels} {finding.meaning}, in {finding.views} of the views"
+    for place in finding.places[:NAMED]:
+        yield f"  {_place(place)}"
+    if finding.texels > NAMED:
+        yield f"  and {finding.texels - NAMED} more"
+
+
+def _place(place: Place) -> str:
+    directions = (f"({x:+.2f}, {y:+.2f}, {z:+.2f})" for x, y, z in (place.normal, place.reflection))
+    normal, reflection = directions
+    value = "" if place.value is None else f": {place.value:.3g}"
+    return (
+        f"view {place.view}, row {place.row}, column {place.column} (s {place.s:.4f}, t {place.t:.4f}), "
+        f"normal {normal}, reflects {reflection}{value}"
+    )

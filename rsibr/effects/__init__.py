@@ -1,0 +1,1 @@
+"""What a scene calls for: the lobes that a material is made of."""

@@ -1,0 +1,152 @@
+"""Fits proxy lobes to any isotropic BRDF, each colour channel by itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+from scipy.stats import qmc
+
+from rsibr.effects.probe import reflected
+from rsibr.effects.proxy import LAMBERT, lobe_values
+
+ROUGHNESSES: tuple[float, ...] = (LAMBERT, *np.geomspace(0.004, 1.0, 15).tolist())
+"""Lobes that a fit may use."""
+
+COSINES_OUT = (0.98, 0.8, 0.6, 0.4, 0.25, 0.12)
+"""Viewing angles at which the BRDF is probed."""
+
+WIDEST_CLUSTER = 2.2
+"""Ratio of neighbouring roughnesses beyond which two fitted lobes are two, not one that the dictionary straddles."""
+
+LEAST_SHARE = 2e-3
+"""Share of the reflected energy below which a fitted lobe joins its neighbour."""
+
+_DRAWS = 128
+_PROBED = (0.004, 0.02, 0.07, 0.25, 0.7)  # widths at which light directions are drawn: dense wherever a lobe may be
+
+
+@dataclass(frozen=True)
+class ProxyLobe:
+    """A sum of proxies of similar roughness.
+
+    Attributes
+    ----------
+    alphas : tuple of float
+        Roughness of each; `LAMBERT` for a matte lobe.
+    coefficients : tuple of ndarray, each of shape (terms, 3)
+        Coefficient of each basis function of that roughness in each channel, ≥ 0.
+    """
+
+    alphas: tuple[float, ...]
+    coefficients: tuple[NDArray[np.float64], ...]
+
+
+def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
+    """Fit a BRDF by a few lobes, widest first.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF
+        Any isotropic BSDF; its delta components do not take part.
+
+    Returns
+    -------
+    list of ProxyLobe
+        At least one.
+
+    Notes
+    -----
+    Non-negative least squares of the relative error over directions drawn around every width of lobe (Lawson & Hanson
+    1974). Per channel, because a red paint's highlight is white: proxies that the channels share would put it into the
+    diffuse lobe in green and blue.
+    """
+    wi, wo, density = _directions()
+    wanted = reflected(bsdf, wi, wo)
+    terms = [_columns(wi, wo, alpha) for alpha in ROUGHNESSES]
+    basis = np.concatenate(terms, axis=1)
+    weight = 1.0 / np.sqrt(density[:, None] * (wanted + 1e-3 * wanted.max(axis=0, initial=1e-12, keepdims=True) + 1e-6))
+    solved = np.stack([nnls(basis * weight[:, c, None], wanted[:, c] * weight[:, c])[0] for c in range(3)], axis=1)
+    ends = np.cumsum([part.shape[1] for part in terms])
+    coefficients = np.split(solved, ends[:-1])
+    energy = [float((part / density[:, None] @ c).sum()) for part, c in zip(terms, coefficients, strict=True)]
+    return [
+        ProxyLobe(tuple(ROUGHNESSES[i] for i in members), tuple(coefficients[i] for i in members))
+        for members in _clusters(energy)
+    ]
+
+
+def _clusters(energy: list[float]) -> list[list[int]]:
+    """Group the roughnesses that carry energy; matte stands alone, faint groups join the nearest."""
+    total = sum(energy)
+    if total <= 0:
+        return [[0]]
+    carrying = [i for i, e in enumerate(energy) if e > 1e-6 * total]
+    groups: list[list[int]] = []
+    for i in carrying:
+        previous = groups[-1][-1] if groups else -1
+        together = previous > 0 and ROUGHNESSES[i] < WIDEST_CLUSTER * ROUGHNESSES[previous]
+        if together:
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    return _joined(groups, energy, LEAST_SHARE * total)
+
+
+def _joined(groups: list[list[int]], energy: list[float], least: float) -> list[list[int]]:
+    while len(groups) > 1:
+        shares = [sum(energy[i] for i in group) for group in groups]
+        faintest = int(np.argmin(shares))
+        if shares[faintest] >= least:
+            break
+        faint = groups.pop(faintest)
+        nearest = min(groups, key=lambda group: abs(group[len(group) // 2] - faint[0]))
+        nearest.extend(faint)
+        nearest.sort()
+    return groups
+
+
+def _columns(wi: NDArray[np.float64], wo: NDArray[np.float64], alpha: float) -> NDArray[np.float64]:
+    values = lobe_values(mi.Vector3f(wi.T.astype(np.float32)), mi.Vector3f(wo.T.astype(np.float32)), alpha)
+    return np.stack([np.array(value, dtype=np.float64) for value in values], axis=1)
+
+
+def _directions() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Pairs of directions, and the density [sr⁻¹] of the light directions, summed over the ways to draw them."""
+    u = qmc.Sobol(2, scramble=True, seed=7).random(_DRAWS)
+    wi, wo = [], []
+    for cosine in COSINES_OUT:
+        out = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
+        for alpha in _PROBED:
+            wi.append(_mirrored(_ggx_normals(u, alpha), out))
+        radius, turn = np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
+        wi.append(np.stack([radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - u[:, 0])], axis=1))
+        wo.append(np.tile(out, ((len(_PROBED) + 1) * _DRAWS, 1)))
+    light, view = np.concatenate(wi), np.concatenate(wo)
+    above = light[:, 2] > 1e-3
+    light, view = light[above], view[above]
+    return light, view, _density(light, view)
+
+
+def _ggx_normals(u: NDArray[np.float64], alpha: float) -> NDArray[np.float64]:
+    tangent = alpha * np.sqrt(u[:, 0] / (1 - u[:, 0]))
+    cosine = 1 / np.sqrt(1 + tangent**2)
+    sine = np.sqrt(1 - cosine**2)
+    return np.stack([sine * np.cos(2 * np.pi * u[:, 1]), sine * np.sin(2 * np.pi * u[:, 1]), cosine], axis=1)
+
+
+def _mirrored(h: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(2 * (h @ wo)[:, None] * h - wo)
+
+
+def _density(wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:
+    h = wi + wo
+    h /= np.linalg.norm(h, axis=1, keepdims=True)
+    density = np.maximum(wi[:, 2], 0) / np.pi
+    for alpha in _PROBED:
+        distribution = alpha**2 / (np.pi * (h[:, 2] ** 2 * (alpha**2 - 1) + 1) ** 2)
+        density = density + distribution * h[:, 2] / (4 * np.maximum((h * wo).sum(1), 1e-6))
+    return np.asarray(density)
