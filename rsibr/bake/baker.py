@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 import rsibr
 from rsibr import backend
 from rsibr.bake.integrator import SphereIntegrator
-from rsibr.bake.manifest import EnvironmentRecord, Manifest, MaterialRecord
+from rsibr.bake.manifest import EnvironmentRecord, LobeRecord, Manifest, MaterialRecord
 from rsibr.bake.map_file import MapFile
 from rsibr.bake.store import Bake, BakeWriter, open_bake
+from rsibr.effects.lobes import LobeSplit
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.scene.config import Config, load_config
@@ -93,14 +94,20 @@ def bake(
     variant = backend.use()
     environment, material = load_environment(settings.environment), load_material(settings.material)
     viewpoints = load_viewpoints(settings.views)
-    manifest = plan_manifest(settings, environment, material, viewpoints, variant)
+    split = None if settings.effects.lobes == "off" else LobeSplit.of(material.bsdf())
+    manifest = plan_manifest(settings, environment, material, split, viewpoints, variant)
     with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer:
-        _bake_views(writer, settings, environment, material, viewpoints.directions, on_progress)
+        _bake_views(writer, settings, environment, material, split, viewpoints.directions, on_progress)
     return open_bake(Path(out))
 
 
 def plan_manifest(
-    config: Config, environment: Environment, material: Material, viewpoints: Viewpoints, variant: str
+    config: Config,
+    environment: Environment,
+    material: Material,
+    split: LobeSplit | None,
+    viewpoints: Viewpoints,
+    variant: str,
 ) -> Manifest:
     """Manifest of the bake before its first view: everything that fixes its bits."""
     packages = {name: version(name) for name in ("mitsuba", "drjit", "numpy", "OpenEXR")} | {"rsibr": rsibr.__version__}
@@ -108,7 +115,7 @@ def plan_manifest(
     return Manifest.planned(
         config=settings,
         identity={
-            "config": {key: settings[key] for key in ("map", "sampling")},
+            "config": {key: settings[key] for key in ("map", "sampling", "effects")},
             "environment": {"name": environment.name, "content": environment.digest},
             "material": {"name": material.name, "content": material.digest},
             "packages": {name: packages[name] for name in ("mitsuba", "drjit", "rsibr")},
@@ -118,6 +125,10 @@ def plan_manifest(
         variant=variant,
         environment=EnvironmentRecord(name=environment.name, clipped=environment.clipped, lowest=environment.lowest),
         material=MaterialRecord(name=material.name, warp=material.warp),
+        lobes=tuple(
+            LobeRecord(name=lobe.name, alpha=lobe.alpha, albedo=tuple(map(tuple, lobe.albedo.round(6).tolist())))
+            for lobe in (split.lobes if split else ())
+        ),
         resolution=config.map.resolution,
         directions=viewpoints.directions,
         triangles=viewpoints.triangles,
@@ -129,6 +140,7 @@ def _bake_views(
     config: Config,
     environment: Environment,
     material: Material,
+    split: LobeSplit | None,
     directions: NDArray[np.float64],
     on_progress: Callable[[Progress], None],
 ) -> None:
@@ -136,7 +148,7 @@ def _bake_views(
     if not pending:
         return
     sampling = config.sampling
-    integrator = SphereIntegrator(environment.emitter(), material.bsdf(), config.map.resolution, sampling.clamp)
+    integrator = SphereIntegrator(environment.emitter(), material.bsdf(), config.map.resolution, split, sampling.clamp)
     blocks = block_sizes(sampling.samples)
     done = len(directions) - len(pending)
     for finished, index in enumerate(pending, start=done):
@@ -179,17 +191,18 @@ def bake_view(
     Returns
     -------
     MapFile
-        Mean over the blocks and the variance of that mean.
+        Mean over the blocks, a layer a lobe, and the variance of their sum's mean.
     """
     means = []
     for block, samples in enumerate(blocks):
         means.append(integrator.block(frame, samples, np.random.SeedSequence(seed, spawn_key=(index, block))))
         on_block(block + 1)
-    mean, variance = merge(means)
+    lobes, _ = merge(means)
+    _, variance = merge([block.sum(axis=1) for block in means])
     return MapFile(
         view=frame[:, 2].copy(),
         frame=frame,
-        layers={"radiance": integrator.image(mean)},
+        layers={name: integrator.image(lobes[:, k]) for k, name in enumerate(integrator.lobe_names)},
         variance=integrator.image(variance),
         coverage=integrator.coverage,
     )
@@ -200,12 +213,12 @@ def merge(means: Iterable[NDArray[np.float32]]) -> tuple[NDArray[np.float32], ND
 
     Parameters
     ----------
-    means : iterable of ndarray, shape (T, 3)
+    means : iterable of ndarray, shape (T, …)
         Block means in the order of the blocks, whatever order they were rendered in.
 
     Returns
     -------
-    mean, variance : ndarray, shape (T, 3), float32
+    mean, variance : ndarray, shape (T, …), float32
         The variance estimate has (blocks − 1) degrees of freedom.
     """
     stacked = np.stack(list(means)).astype(np.float64)

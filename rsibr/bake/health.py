@@ -26,10 +26,10 @@ LARGEST_HALF = 65504.0
 FEW_SAMPLES = 0.25
 """Relative standard error from which on a texel rests on fewer than 1/0.25² = 16 of its samples."""
 
-OUTLIER = 5.0
+OUTLIER = 8.0
 """Standard errors, the neighbourhood's median one, by which a firefly outshines the neighbourhood's median."""
 
-NOISIER = 4.0
+NOISIER = 6.0
 """Ratio of a firefly's standard error to the neighbourhood's median one."""
 
 REACH = 2
@@ -92,7 +92,8 @@ def map_health(map_file: MapFile) -> MapHealth:
     sound = covered & finite.all(axis=(0, 3))
     if map_file.variance is not None:
         sound &= np.isfinite(map_file.variance).all(axis=-1)
-    radiance = np.where(sound, layers.sum(axis=0, dtype=np.float64).mean(axis=-1), np.nan)
+    radiance = np.full(sound.shape, np.nan)
+    radiance[sound] = layers[:, sound].sum(axis=0, dtype=np.float64).mean(axis=-1)
     error = _standard_error(map_file.variance, sound)
     found = {
         "non_finite": covered & ~sound,
@@ -120,9 +121,10 @@ def firefly_texels(radiance: Array, error: Array) -> Mask:
 
     Notes
     -----
-    False alarms, for Gaussian noise on a flat neighbourhood: with 16 blocks, chi-square with 15 degrees of freedom
-    would have to exceed 16 times its median, at a probability below 1e-40 a texel. A map of the fewest samples has two
-    blocks, one degree of freedom: below 2 sf(2.7) sf(3.3) = 4e-6 a texel, mean and variance being independent.
+    False alarms, for Gaussian noise on a flat neighbourhood, measured on 6e5 texels of 30 % noise: 3e-6 a texel of two
+    blocks (a bake of 4 to 11 samples), where mean and error have one degree of freedom between them; none at all, so
+    below 5e-6 with 95 % confidence, of 4, 8 and 16 blocks. With 16 a chi-square variable of 15 degrees of freedom would
+    have to exceed 36 times its median: below 1e-90.
     """
     suspect = np.argwhere(error > FEW_SAMPLES * np.abs(radiance))
     found = np.zeros(radiance.shape, dtype=np.bool_)

@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.effects.lobes import LobeSplit
 from rsibr.geometry.resident import resident
 from rsibr.geometry.sphere_map import normal_from_disk, texel_coverage
 
@@ -35,6 +36,8 @@ class SphereIntegrator:
         The coating.
     resolution : int
         Texels a side.
+    split : LobeSplit, optional
+        How the material's lobes are kept apart; by default they are not.
     clamp : float, optional
         Radiance [W sr⁻¹ m⁻²] above which a sample counts as this much: quieter, and too dark. A NaN stays one.
 
@@ -42,13 +45,24 @@ class SphereIntegrator:
     ----------
     coverage : ndarray, shape (N, N), float32
         Share of each texel inside the disk; zero below `LEAST_COVERAGE`.
+    lobe_names : list of str
+        Lobes that a block holds, in their order; "radiance" where they are not kept apart.
     """
 
-    def __init__(self, emitter: dict[str, Any], bsdf: mi.BSDF, resolution: int, clamp: float | None = None) -> None:
+    def __init__(
+        self,
+        emitter: dict[str, Any],
+        bsdf: mi.BSDF,
+        resolution: int,
+        split: LobeSplit | None = None,
+        clamp: float | None = None,
+    ) -> None:
         exact = texel_coverage(resolution)
         self.coverage = np.where(exact < LEAST_COVERAGE, 0, exact).astype(np.float32)
         self._light = mi.load_dict({"type": "scene", "light": emitter})
         self._bsdf = bsdf
+        self._split = split if split and len(split.lobes) > 1 else None
+        self.lobe_names = [lobe.name for lobe in self._split.lobes] if self._split else ["radiance"]
         self._samples_light = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
         self._samples_bsdf = self._light.environment() is not None
         self._resolution = resolution
@@ -69,18 +83,19 @@ class SphereIntegrator:
 
         Returns
         -------
-        ndarray, shape (covered texels, 3)
-            Unbiased estimate of the radiance [W sr⁻¹ m⁻²] averaged over the part of the texel inside the disk.
+        ndarray, shape (covered texels, lobes, 3)
+            Unbiased estimate of each lobe's radiance [W sr⁻¹ m⁻²] averaged over the part of the texel inside the disk.
         """
         matrix = mi.Matrix3f(frame.astype(np.float32))
         dr.make_opaque(matrix)
         launches = math.ceil(samples * dr.width(self._texels) / MAX_LANES)
         each = stratified(math.ceil(samples / launches))
-        total = np.zeros((dr.width(self._texels), 3))
+        total = np.zeros((dr.width(self._texels), len(self.lobe_names), 3))
         for seed in seeds.generate_state(launches):
             # One launch at a time: each conversion waits, and float64 adds any number of them without loss
-            total += np.array(self._launch(matrix, each, int(seed)), dtype=np.float64).T
-        return (total / launches).astype(np.float32)
+            means = self._launch(matrix, each, int(seed))
+            total += np.array([np.array(lobe) for lobe in means], dtype=np.float64).transpose(2, 0, 1)
+        return np.asarray(total / launches, dtype=np.float32)
 
     def image(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Lay values of the covered texels out as an image, zero elsewhere."""
@@ -88,18 +103,20 @@ class SphereIntegrator:
         image[np.flatnonzero(self.coverage)] = values
         return image.reshape(self._resolution, self._resolution, 3)
 
-    def _launch(self, matrix: mi.Matrix3f, samples: int, seed: int) -> mi.Color3f:
+    def _launch(self, matrix: mi.Matrix3f, samples: int, seed: int) -> list[mi.Color3f]:
         lanes = dr.width(self._texels) * samples
         sampler = mi.load_dict({"type": "multijitter", "sample_count": samples})
-        sampler.set_samples_per_wavefront(samples)  # without it every lane is a texel of its own, and nothing stratified
+        sampler.set_samples_per_wavefront(
+            samples
+        )  # without it every lane is a texel of its own, and nothing stratified
         seed_lane = dr.opaque(mi.UInt32, seed)
         sampler.seed(seed_lane, lanes)
         texel = dr.gather(mi.UInt32, self._texels, dr.arange(mi.UInt32, lanes) // samples)
         n = matrix @ normal_from_disk(self._point_in_disk(texel, sampler.next_2d(), seed_lane))
         v = mi.Vector3f(matrix[0, 2], matrix[1, 2], matrix[2, 2])
-        radiance = self._clamped(self._reflected(_interaction(n, v), sampler))
-        dr.eval(radiance)  # once for the three channels, not once a sum
-        return mi.Color3f(*(dr.block_sum(channel, samples) / samples for channel in radiance))
+        lobes = self._clamped(self._reflected(_interaction(n, v), sampler))
+        dr.eval(lobes)  # once for all lobes and channels, not once a sum
+        return [mi.Color3f(*(dr.block_sum(channel, samples) / samples for channel in lobe)) for lobe in lobes]
 
     def _point_in_disk(self, texel: mi.UInt32, jitter: mi.Point2f, seed: mi.UInt32) -> mi.Point2f:
         """A point drawn uniformly from the part of the texel inside the disk.
@@ -128,28 +145,41 @@ class SphereIntegrator:
         )
         return p
 
-    def _reflected(self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler) -> mi.Color3f:
+    def _reflected(self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler) -> list[mi.Color3f]:
         """One sample of L_r = ∫ f L_i cos θ dω, from the light and from the BSDF, each weighted for the other."""
-        radiance = mi.Color3f(0)
+        lobes = [mi.Color3f(0) for _ in self.lobe_names]
         if self._samples_light:
-            radiance += self._from_light(si, sampler)
+            radiance, wi = self._from_light(si, sampler)
+            lobes = [a + b for a, b in zip(lobes, self._lobes(radiance, wi, si.wi, False), strict=True)]
         if self._samples_bsdf:
-            radiance += self._from_bsdf(si, sampler)
-        return radiance
+            radiance, wi, is_delta = self._from_bsdf(si, sampler)
+            lobes = [a + b for a, b in zip(lobes, self._lobes(radiance, wi, si.wi, is_delta), strict=True)]
+        return lobes
 
-    def _clamped(self, radiance: mi.Color3f) -> mi.Color3f:
+    def _lobes(
+        self, radiance: mi.Color3f, wi: mi.Vector3f, wo: mi.Vector3f, is_delta: mi.Bool | bool
+    ) -> list[mi.Color3f]:
+        return [radiance] if self._split is None else self._split.split(radiance, wi, wo, is_delta)
+
+    def _clamped(self, lobes: list[mi.Color3f]) -> list[mi.Color3f]:
+        """Scale the lobes of a sample down to a sum of `clamp` where it exceeds that."""
         if self._clamp is None:
-            return radiance
-        return dr.select(radiance > self._clamp, self._clamp, radiance)  # not `minimum`: it would swallow a NaN
+            return lobes
+        radiance = mi.Color3f(0)
+        for lobe in lobes:
+            radiance += lobe
+        scale = dr.select(radiance > self._clamp, self._clamp / radiance, 1)  # a NaN passes: it is counted, not hidden
+        return [lobe * scale for lobe in lobes]
 
-    def _from_light(self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler) -> mi.Color3f:
+    def _from_light(self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler) -> tuple[mi.Color3f, mi.Vector3f]:
         light, weight = self._light.sample_emitter_direction(si, sampler.next_2d(), test_visibility=False)
-        value, pdf = self._bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(light.d))
+        wi = si.to_local(light.d)
+        value, pdf = self._bsdf.eval_pdf(mi.BSDFContext(), si, wi)
         share = light.pdf / (light.pdf + pdf) if self._samples_bsdf else mi.Float(1)
         # Only a density of zero is no sample: one of NaN reaches the map, where it is counted
-        return dr.select(~(light.pdf <= 0), value * weight * dr.select(light.delta, 1, share), 0)
+        return dr.select(~(light.pdf <= 0), value * weight * dr.select(light.delta, 1, share), 0), wi
 
-    def _from_bsdf(self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler) -> mi.Color3f:
+    def _from_bsdf(self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler) -> tuple[mi.Color3f, mi.Vector3f, mi.Bool]:
         drawn, weight = self._bsdf.sample(mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d())
         environment = self._light.environment()
         direction = dr.zeros(mi.DirectionSample3f, dr.width(si))
@@ -159,7 +189,7 @@ class SphereIntegrator:
         pdf = environment.pdf_direction(si, direction)
         is_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
         share = dr.select(is_delta, 1, drawn.pdf / (drawn.pdf + pdf))
-        return dr.select(~(drawn.pdf <= 0), weight * environment.eval(escaped) * share, 0)
+        return dr.select(~(drawn.pdf <= 0), weight * environment.eval(escaped) * share, 0), drawn.wo, is_delta
 
 
 def _interaction(n: mi.Vector3f, v: mi.Vector3f) -> mi.SurfaceInteraction3f:

@@ -46,6 +46,24 @@ class MaterialRecord(_Record):
     warp: Literal["mirror", "normal"]
 
 
+class LobeRecord(_Record):
+    """One lobe of the material, stored as a layer of its name.
+
+    Attributes
+    ----------
+    name : str
+        Name of the layer.
+    alpha : float
+        Roughness of the lobe; see `rsibr.effects.lobes.Lobe`.
+    albedo : tuple of colours
+        Its directional albedo over the viewing angle; see `rsibr.effects.albedo`.
+    """
+
+    name: str
+    alpha: float
+    albedo: tuple[Vector, ...]
+
+
 class HealthRecord(_Record):
     """Texels of one map that are not to be trusted, counted when it was stored; `rsibr check` shows where they are.
 
@@ -139,6 +157,8 @@ class Manifest(_Record):
         Mitsuba variant.
     environment, material
         What is to be known about them, for reports.
+    lobes : tuple of LobeRecord
+        The material's lobes, each a layer of the maps; one lobe alone is the layer "radiance"; none were asked for.
     resolution : int
         Texels along each side of a map.
     directions : tuple of vectors
@@ -157,6 +177,7 @@ class Manifest(_Record):
     variant: str
     environment: EnvironmentRecord
     material: MaterialRecord
+    lobes: tuple[LobeRecord, ...] = ()
     resolution: int = Field(ge=1)
     directions: tuple[Vector, ...] = Field(min_length=1)
     triangles: tuple[Triangle, ...]
@@ -172,6 +193,7 @@ class Manifest(_Record):
         variant: str,
         environment: EnvironmentRecord,
         material: MaterialRecord,
+        lobes: tuple[LobeRecord, ...] = (),
         resolution: int,
         directions: ArrayLike,
         triangles: ArrayLike,
@@ -206,6 +228,7 @@ class Manifest(_Record):
             variant=variant,
             environment=environment,
             material=material,
+            lobes=lobes,
             resolution=resolution,
             directions=tuple(rows),
             triangles=tuple((int(i), int(j), int(k)) for i, j, k in np.asarray(triangles, np.int64)),

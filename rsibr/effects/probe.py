@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 
 def interaction(wo: mi.Vector3f) -> mi.SurfaceInteraction3f:
-    """A point of a surface whose normal is +z, seen from `wo`.
+    """Point of a surface whose normal is +z, seen from `wo`.
 
     Parameters
     ----------
     wo : mi.Vector3f
-        Unit directions to the viewer in the surface's frame. Mitsuba calls this direction `wi`: it traces paths from the
-        camera.
+        Unit directions to the viewer in the surface's frame. Mitsuba calls this direction `wi`: it traces paths from
+        the camera.
     """
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(wo))
     si.t = 1.0

@@ -12,14 +12,14 @@ LAMBERT = 0.0
 """Stands where a roughness would for the lobe that is as wide as the hemisphere."""
 
 
-def ggx(wi: mi.Vector3f, wo: mi.Vector3f, alpha: float) -> tuple[mi.Float, mi.Float]:
+def ggx(wi: mi.Vector3f, wo: mi.Vector3f, alpha: mi.Float | float) -> tuple[mi.Float, mi.Float]:
     """Microfacet lobe with the GGX distribution and no Fresnel term, and the same times Schlick's grazing term.
 
     Parameters
     ----------
     wi, wo : mi.Vector3f
         Unit directions to the light and to the viewer in the surface's frame.
-    alpha : float
+    alpha : mi.Float or float
         Roughness α = r².
 
     Returns
@@ -32,7 +32,8 @@ def ggx(wi: mi.Vector3f, wo: mi.Vector3f, alpha: float) -> tuple[mi.Float, mi.Fl
     -----
     Walter et al. (2007), eq. 33; height-correlated masking and shadowing after Heitz (2014), eq. 99.
     """
-    h = dr.normalize(wi + wo)
+    h = wi + wo
+    h *= dr.rsqrt(dr.maximum(dr.squared_norm(h), 1e-12))  # light from straight behind has no half vector
     squared = alpha * alpha
     base = h.z * h.z * (squared - 1) + 1
     distribution = squared / (dr.pi * base * base)

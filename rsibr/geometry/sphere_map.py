@@ -129,8 +129,8 @@ def tiled_texels(resolution: int) -> mi.UInt32:
     Returns
     -------
     mi.UInt32
-        Row-major indices in the order of tiles of `TILE`². Where N is no multiple of it, the last tiles repeat texels of
-        the last row and column.
+        Row-major indices in the order of tiles of `TILE`². Where N is no multiple of it, the last tiles repeat texels
+        of the last row and column.
 
     Notes
     -----

@@ -120,10 +120,10 @@ class Method:
 
     def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Vector4f:
         def blended(n: mi.Vector3f) -> mi.Vector4f:
-            return _opaque(_blended(self.sources, mixture, [warp(n) for warp in warps]))
+            return as_rgba(_blended(self.sources, mixture, [warp(n) for warp in warps]))
 
         p = texel_centre(texel, resolution)
-        return dr.if_stmt((normal_from_disk(p),), _touches_disk(p, resolution), blended, lambda _: mi.Vector4f(0))
+        return dr.if_stmt((normal_from_disk(p),), touches_disk(p, resolution), blended, lambda _: mi.Vector4f(0))
 
 
 @dataclass(eq=False)
@@ -158,10 +158,10 @@ class MeshMethod(Method):
 
         def blended(corner: mi.Vector3u, share: mi.Vector3f) -> mi.Vector4f:
             looked_up = [_interpolated(packed, corner, share) for packed in vertices]
-            return _opaque(_blended(self.sources, mixture, looked_up))
+            return as_rgba(_blended(self.sources, mixture, looked_up))
 
         return dr.if_stmt(
-            self._corners[resolution], _touches_disk(p, resolution), blended, lambda _corner, _share: mi.Vector4f(0)
+            self._corners[resolution], touches_disk(p, resolution), blended, lambda _corner, _share: mi.Vector4f(0)
         )
 
 
@@ -175,11 +175,12 @@ def _blended(sources: SourceMaps, mixture: Mixture, looked_up: list[tuple[mi.Poi
     return radiance * (1 / total)
 
 
-def _opaque(radiance: mi.Color3f) -> mi.Vector4f:
+def as_rgba(radiance: mi.Color3f) -> mi.Vector4f:
+    """Radiance with 1 behind it: the texel is one that may touch the disk."""
     return mi.Vector4f(radiance.x, radiance.y, radiance.z, 1)
 
 
-def _touches_disk(p: mi.Point2f, resolution: int) -> mi.Bool:
+def touches_disk(p: mi.Point2f, resolution: int) -> mi.Bool:
     """Whether a texel with centre p may touch the disk: it reaches √2/N beyond its centre."""
     return dr.squared_norm(p) < (1 + np.sqrt(2) / resolution) ** 2
 

@@ -6,13 +6,15 @@ from collections.abc import Callable
 from difflib import get_close_matches
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.bake.store import Bake
-from rsibr.errors import InputError
-from rsibr.geometry.spherical import area_weights
+from rsibr.errors import BakeError, InputError
+from rsibr.geometry.spherical import area_weights, gnomonic_weights
 from rsibr.geometry.viewpoints import from_directions
 from rsibr.reconstruct.blend import Mix, nearest_mix, triangle_mix
+from rsibr.reconstruct.lobed import Corrections, LobedMethod, LobeMaps, LobeWarps
 from rsibr.reconstruct.method import Cost, MeshMethod, Method
 from rsibr.reconstruct.sources import SourceMaps
 from rsibr.reconstruct.warp import WARPS, NoWarp, WarpBetween
@@ -26,12 +28,13 @@ _RECIPES: dict[str, _Recipe] = {
     "cabral1999-mesh": lambda warp: (MeshMethod, triangle_mix(area_weights), warp),
 }
 
-METHODS: tuple[str, ...] = tuple(_RECIPES)
+METHODS: tuple[str, ...] = (*_RECIPES, "rsibr")
 """Names of the methods.
 
 `nearest`: the nearest stored view as it is. `blend`: the three around, weighted, unwarped. `cabral1999`: the paper as
 printed, one warp for the material, area weights, fade near the singularity. `cabral1999-mesh`: the same through its
-tessellated disk.
+tessellated disk. `rsibr`: the best that we know, lobes warped apart, albedo carried with the surface, footprints
+corrected, gnomonic weights.
 """
 
 
@@ -47,11 +50,10 @@ class MethodSet:
     def __init__(self, bake: Bake) -> None:
         backend.use()
         maps = [bake.map(index) for index in range(bake.view_count)]
-        self._sources = SourceMaps.from_arrays(
-            np.stack([np.sum(list(m.layers.values()), axis=0, dtype=np.float32) for m in maps]),  # lobes add up
-            np.stack([m.coverage for m in maps]),
-            np.stack([m.frame for m in maps]),
-        )
+        self._maps = maps
+        self._lobes = bake.manifest.lobes
+        self._sources = self._on_device([np.sum(list(m.layers.values()), axis=0, dtype=np.float32) for m in maps])
+        self._where = str(bake.path)
         self._viewpoints = from_directions(bake.directions, bake.triangles)
         self._warp = WARPS[bake.manifest.material.warp]
         self._cost = Cost(bake.seconds, bake.bytes)
@@ -66,14 +68,52 @@ class MethodSet:
             If no method has this name.
         """
         if name not in self._made:
-            kind, mix, warp = _RECIPES[checked_name(name)](self._warp)
-            self._made[name] = kind(name, self._viewpoints, self._sources, mix, warp, self._cost)
+            self._made[name] = self._make(checked_name(name))
         return self._made[name]
+
+    def lobed(self, corrections: Corrections) -> LobedMethod:
+        """Make the method `rsibr` with some of its corrections left out.
+
+        Raises
+        ------
+        BakeError
+            If the bake was made with `effects.lobes = "off"`.
+        """
+        if not self._lobes:
+            raise BakeError(
+                "its lobes were not kept apart", where=self._where, fix='bake with effects.lobes = "auto" for rsibr'
+            )
+        lobes = []
+        for record in self._lobes:
+            layer = record.name if len(self._lobes) > 1 else "radiance"
+            sources = self._on_device([m.layers[layer] for m in self._maps])
+            lobes.append(LobeMaps.of(sources, record.alpha, np.array(record.albedo)))
+        mix = triangle_mix(gnomonic_weights)
+        return LobedMethod(
+            "rsibr",
+            self._viewpoints,
+            self._sources,
+            mix,
+            LobeWarps.between,
+            self._cost,
+            lobes=lobes,
+            corrections=corrections,
+        )
+
+    def _make(self, name: str) -> Method:
+        if name == "rsibr":
+            return self.lobed(Corrections())
+        kind, mix, warp = _RECIPES[name](self._warp)
+        return kind(name, self._viewpoints, self._sources, mix, warp, self._cost)
+
+    def _on_device(self, images: list[NDArray[np.float32]]) -> SourceMaps:
+        coverage, frames = (np.stack([getattr(m, part) for m in self._maps]) for part in ("coverage", "frame"))
+        return SourceMaps.from_arrays(np.stack(images), coverage, frames)
 
 
 def checked_name(name: str) -> str:
     """Return `name` where it is a method's; otherwise raise an InputError that says which there are."""
-    if name in _RECIPES:
+    if name in METHODS:
         return name
     near = get_close_matches(name, METHODS, 1)
     meant = f"did you mean '{near[0]}'? " if near else ""

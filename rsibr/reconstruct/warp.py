@@ -15,7 +15,7 @@ import drjit as dr
 import mitsuba as mi
 
 from rsibr.geometry.frame import transported
-from rsibr.geometry.sphere_map import disk_from_normal
+from rsibr.geometry.sphere_map import disk_from_normal, disk_from_reflection
 from rsibr.reconstruct.sources import StoredView
 
 FADE_RADIUS = 1.0
@@ -81,6 +81,14 @@ class MirrorWarp:
         singular = -shift * dr.rsqrt(dr.maximum(dr.squared_norm(shift), 1e-30))
         in_map = mi.Point2f(dr.dot(_column(frame, 0), singular), dr.dot(_column(frame, 1), singular))
         return cls(_rotation(stored, frame), stored.to_local(shift), in_map)
+
+    def stored_view(self) -> mi.Vector3f:
+        """The stored view's direction in the destination's frame."""
+        return mi.Vector3f(self.rotation[2, 0], self.rotation[2, 1], self.rotation[2, 2])
+
+    def disk_of(self, r: mi.Vector3f) -> mi.Point2f:
+        """Point of the stored map that mirrors into `r`, a unit direction in the destination's frame."""
+        return disk_from_reflection(self.rotation @ r)
 
     def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
         """See `Warp`."""

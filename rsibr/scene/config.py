@@ -181,6 +181,18 @@ class SamplingConfig(_Section):
     clamp: Finite | None = Field(default=None, gt=0.0)
 
 
+class EffectsConfig(_Section):
+    """The effects that are simulated apart.
+
+    Attributes
+    ----------
+    lobes : {"auto", "off"}
+        Whether the lobes of a material that has several are stored apart. The method `rsibr` needs them.
+    """
+
+    lobes: Literal["auto", "off"] = "auto"
+
+
 class Config(_Section):
     """Everything that a bake depends on. Built by `load_config` or `parse_config`."""
 
@@ -189,6 +201,7 @@ class Config(_Section):
     views: ViewsConfig = ViewsConfig()
     map: MapConfig = MapConfig()
     sampling: SamplingConfig = SamplingConfig()
+    effects: EffectsConfig = EffectsConfig()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the config as plain JSON data, paths as strings; `parse_config` reads it back to an equal config."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -35,10 +35,12 @@ KINDS: dict[str, tuple[Verdict, str]] = {
 MARKS = {
     "non_finite": (0, 229, 255),
     "holes": (57, 255, 20),
-    "fireflies": (255, 255, 255),
-    "half_overflow": (64, 140, 255),
+    "fireflies": (64, 140, 255),
+    "half_overflow": (150, 160, 170),
 }
 """Colour of the outline around a found texel: none of them on the false-colour scale."""
+
+SCALE = replace(RELATIVE_ERROR, label="relative standard error of a texel")
 
 MOST_PLACES = 8
 """Places named of each kind, the worst first."""
@@ -173,8 +175,8 @@ def assess(bake: Bake, views: Sequence[NDArray[np.float64]]) -> Health:
 
     Notes
     -----
-    False alarms: fireflies below 4e-6 a texel of the noisiest bake that there is (see `rsibr.bake.health`), drift below
-    1e-3 a bake, the bound by the environment below 3e-7 a channel of a view; all else is counted, not estimated.
+    False alarms: fireflies below 1e-5 a texel of the bake with the fewest samples, none with 16 samples or more (see `rsibr.bake.health`), drift below
+    1e-3 a bake where the kernel's residuals are Gaussian (see `rsibr.validate.energy`), the bound by the environment below 3e-7 a channel of a view; all else is counted, not estimated.
     """
     backend.use()
     survey = _Survey(bake)
@@ -232,10 +234,9 @@ class _Survey:
             self._note_places(kind, index, map_file, seen)
         variance = map_file.variance if map_file.variance is not None else np.zeros((*map_file.coverage.shape, 3))
         sound = (map_file.coverage > 0) & ~seen.found["non_finite"]
-        radiance = np.sum(list(map_file.layers.values()), axis=0, dtype=np.float64)
-        return mean_of_map(
-            radiance[sound], variance[sound].astype(np.float64), map_file.coverage[sound].astype(np.float64)
-        )
+        radiance = np.stack(list(map_file.layers.values()))[:, sound].sum(axis=0, dtype=np.float64)
+        weight = map_file.coverage[sound].astype(np.float64)
+        return mean_of_map(radiance, variance[sound].astype(np.float64), weight)
 
     def _note_noise(self, index: int, seen: MapHealth) -> None:
         known = seen.relative_error[np.isfinite(seen.relative_error)]
@@ -286,7 +287,7 @@ def _rounded(vector: NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 def _drawn(seen: MapHealth) -> Rgba:
-    picture = false_colour(seen.relative_error, RELATIVE_ERROR)
+    picture = false_colour(seen.relative_error, SCALE)
     for kind, mask in seen.found.items():
         picture = outlined(picture, mask, MARKS[kind])
     return picture

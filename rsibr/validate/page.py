@@ -10,7 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 import rsibr
 from rsibr.validate import pictures
 from rsibr.validate.estimate import Estimate, readable
-from rsibr.validate.health import MARKS
+from rsibr.validate.health import MARKS, SCALE
 from rsibr.validate.pictures import FLIP, RELATIVE_ERROR, Rgba, Scale
 
 _LONGEST_EMBEDDED = 256
@@ -47,6 +47,7 @@ def render(template: str, **values: Any) -> str:
         "relative_error": RELATIVE_ERROR,
         "flip": FLIP,
         "marks": MARKS,
+        "standard_error": SCALE,
         "bar": ", ".join(pictures.bar_colours()),
         "version": rsibr.__version__,
     }

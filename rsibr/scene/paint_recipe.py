@@ -1,0 +1,152 @@
+"""What a car paint is made of: the parameters that a user gives, checked, and what they mean for its layers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.errors import InputError
+from rsibr.scene.paint_layers import Gloss
+from rsibr.scene.pigments import pigment_reflectance
+
+Colour = NDArray[np.float64]
+
+FLAKE_FILM = 4.0
+"""Flakes lie between two planes this far apart [µm]: a flake of diameter D tilts by about `FLAKE_FILM` / D.
+
+A rule of ours, after the common observation that coarse flakes lie flatter than fine ones; not measured.
+"""
+
+_RANGES: dict[str, tuple[float, float]] = {
+    "int_ior": (1.01, 3.0),
+    "coat_alpha": (0.0, 0.3),
+    "coat_thickness": (0.0, 1e4),
+    "coat_absorption": (0.0, 1e4),
+    "pigment": (0.0, 1.0),
+    "flake_tint": (0.0, 1.0),
+    "flake_size": (FLAKE_FILM, 20 * FLAKE_FILM),
+    "flake_density": (0.0, 1e6),
+    "retro_share": (0.0, 1.0),
+    "retro_alpha": (0.05, 1.0),
+}
+_UNBOUNDED = ("coat_absorption",)
+
+
+def _grey(value: float) -> Any:
+    return field(default_factory=lambda: np.full(3, value))
+
+
+@dataclass(frozen=True, eq=False)
+class PaintRecipe:
+    """Parameters of a car paint; every one has a default. Colours are arrays of shape (C,).
+
+    Attributes
+    ----------
+    pigment : Colour
+        Reflectance of the pigment, 0 … 1. In a file also the name of a measured patch, see `rsibr.scene.pigments`.
+    flake_tint : Colour
+        Reflectance of a metal flake inside the coat, 0 … 1.
+    flake_size : float
+        Diameter of a flake [µm], 4 … 80; sets how flat the flakes lie, see `FLAKE_FILM`.
+    flake_density : float
+        Flakes per area [1/mm²]; with the size it sets how much of the pigment they hide.
+    int_ior : float
+        Index of refraction of the clear coat; polyurethane has 1.5.
+    coat_alpha : float
+        GGX width of the coat's surface, 0 … 0.3; 0 is a perfect mirror.
+    coat_thickness : float
+        Thickness of the clear coat [µm].
+    coat_absorption : Colour
+        Absorption coefficient of the clear coat [1/mm]: a candy paint's colour.
+    retro_share : float
+        Share of the area between the flakes that sends light back to where it came from, 0 … 1.
+    retro_alpha : float
+        GGX width of that.
+    """
+
+    pigment: Colour = _grey(0.5)
+    flake_tint: Colour = _grey(0.9)
+    flake_size: float = 16.0
+    flake_density: float = 0.0
+    int_ior: float = 1.5
+    coat_alpha: float = 0.015
+    coat_thickness: float = 40.0
+    coat_absorption: Colour = _grey(0.0)
+    retro_share: float = 0.0
+    retro_alpha: float = 0.2
+
+    def __post_init__(self) -> None:
+        for name, (lowest, highest) in _RANGES.items():
+            value = np.asarray(getattr(self, name))
+            if not ((value >= lowest) & (value <= highest)).all():
+                raise InputError(
+                    f"{name} is {', '.join(f'{x:g}' for x in np.atleast_1d(value))}",
+                    where="car paint",
+                    fix=f"use {lowest:g} to {highest:g}",
+                )
+
+    @classmethod
+    def from_properties(cls, properties: mi.Properties) -> PaintRecipe:
+        """Read the parameters that Mitsuba hands to a plugin, in the channels of the current variant.
+
+        Raises
+        ------
+        InputError
+            If a parameter is unknown or out of range.
+        """
+        given = {}
+        for parameter in fields(cls):
+            name = parameter.name
+            if properties.has_property(name):
+                is_colour = parameter.type == "Colour"
+                given[name] = _colour(properties, name) if is_colour else float(properties[name])
+            elif parameter.type == "Colour":
+                given[name] = cls().__dict__[name][: dr.size_v(mi.Spectrum)]
+        if unknown := properties.unqueried():
+            names = ", ".join(f"'{name}'" for name in unknown)
+            known = ", ".join(parameter.name for parameter in fields(cls))
+            raise InputError(f"a car paint has no {names}", where="car paint", fix=f"use some of: {known}")
+        return cls(**given)
+
+    @property
+    def depth(self) -> Colour:
+        """Optical depth of the coat along the normal."""
+        return self.coat_absorption * self.coat_thickness * 1e-3  # 1/mm times µm
+
+    @property
+    def coverage(self) -> float:
+        """Share of the area that flakes of any place and overlap cover (Boolean model): 1 − exp(−density · area)."""
+        area = math.pi / 4 * (self.flake_size * 1e-3) ** 2
+        return -math.expm1(-self.flake_density * area)
+
+    @property
+    def base(self) -> Colour:
+        """Reflectance of the pigment that shows between the flakes, per area of paint."""
+        return self.pigment * (1 - self.coverage) * (1 - self.retro_share)
+
+    @property
+    def flakes(self) -> Gloss:
+        """The lobe of the flakes."""
+        return Gloss(self.flake_tint * self.coverage, FLAKE_FILM / self.flake_size)
+
+    @property
+    def retro(self) -> Gloss:
+        """The lobe that sends light back, of reflectance one."""
+        return Gloss(
+            np.full_like(self.pigment, (1 - self.coverage) * self.retro_share), self.retro_alpha, backward=True
+        )
+
+
+def _colour(properties: mi.Properties, name: str) -> Colour:
+    if properties.type(name) == mi.Properties.Type.String:
+        colour = pigment_reflectance(properties[name])
+        return colour if dr.size_v(mi.Spectrum) == 3 else colour @ [[0.2126], [0.7152], [0.0722]]
+    read = properties.get_unbounded_texture if name in _UNBOUNDED else properties.get_texture
+    value = read(name).eval(dr.zeros(mi.SurfaceInteraction3f))
+    return np.array(value, dtype=np.float64).ravel()

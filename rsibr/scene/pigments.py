@@ -1,0 +1,52 @@
+"""Pigments by name: measured spectral reflectances of painted patches, from colour-science, as linear Rec.709."""
+
+from __future__ import annotations
+
+import difflib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.errors import InputError
+
+CHART = "ColorChecker N Ohta"
+"""Spectral reflectances of the 24 patches of a colour chart, 380 to 780 nm (Ohta 1997), as colour-science has them."""
+
+
+def pigment_reflectance(name: str) -> NDArray[np.float64]:
+    """Reflectance of a chart's patch under daylight.
+
+    Parameters
+    ----------
+    name : str
+        A patch of `CHART`, for example ``"moderate red"``.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Linear Rec.709, 0 … 1: the spectrum times D65 against the CIE 1931 2° observer, so that white stays white. Colours
+        outside Rec.709 are clipped.
+
+    Raises
+    ------
+    InputError
+        If there is no such patch.
+
+    Examples
+    --------
+    >>> pigment_reflectance("neutral 5 (.70 D)").round(2)
+    array([0.19, 0.19, 0.19])
+    """
+    import colour  # noqa: PLC0415  # takes a second, and most paints are given as RGB
+
+    patches = colour.SDS_COLOURCHECKERS[CHART]
+    if name not in patches:
+        near = difflib.get_close_matches(name, patches, n=1)
+        raise InputError(
+            f"there is no pigment '{name}'{f' (did you mean {near[0]!r}?)' if near else ''}",
+            where="pigment",
+            fix=f"use a colour or one of: {', '.join(patches)}",
+        )
+    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    xyz = colour.sd_to_XYZ(patches[name], observer, colour.SDS_ILLUMINANTS["D65"]) / 100
+    return np.clip(colour.XYZ_to_RGB(xyz, "ITU-R BT.709", apply_cctf_encoding=False), 0.0, 1.0)
