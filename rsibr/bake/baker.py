@@ -124,7 +124,7 @@ def plan_manifest(
         packages=packages,
         variant=variant,
         environment=EnvironmentRecord(name=environment.name, clipped=environment.clipped, lowest=environment.lowest),
-        material=MaterialRecord(name=material.name, warp=material.warp),
+        material=MaterialRecord(name=material.name, warp=material.warp, notes=material.notes),
         lobes=tuple(
             LobeRecord(name=lobe.name, alpha=lobe.alpha, albedo=tuple(map(tuple, lobe.albedo.round(6).tolist())))
             for lobe in (split.lobes if split else ())

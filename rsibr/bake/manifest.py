@@ -40,10 +40,11 @@ class EnvironmentRecord(_Record):
 
 
 class MaterialRecord(_Record):
-    """What is to be known about the material: its name and the warp that suits its lobe."""
+    """What is to be known about the material: its name, the warp that suits its lobe, what maps cannot hold of it."""
 
     name: str
     warp: Literal["mirror", "normal"]
+    notes: tuple[str, ...] = ()
 
 
 class LobeRecord(_Record):

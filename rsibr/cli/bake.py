@@ -28,7 +28,7 @@ def bake(
 ) -> None:
     """Render the radiance sphere maps of all views. A bake that was killed goes on where it was."""
     from rsibr.bake.baker import bake as run_bake
-    from rsibr.cli.console import bake_progress, note_clipped, note_health
+    from rsibr.cli.console import bake_progress, note_health, note_peculiarities
 
     overrides = [*(overrides or ()), *(() if clamp is None else (f"sampling.clamp={clamp}",))]
 
@@ -36,7 +36,7 @@ def bake(
         finished = run_bake(
             config, out=out or Path(f"{config.stem}.rsibr"), overrides=overrides, fresh=fresh, on_progress=show
         )
-    note_clipped(finished)
+    note_peculiarities(finished)
     note_health(finished)
     if json_output:
         state = {

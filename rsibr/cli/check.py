@@ -61,7 +61,7 @@ def _lines(health: Health) -> Iterator[str]:
 
 
 def _finding(finding: Finding) -> Iterator[str]:
-    yield f"{finding.verdict}: {finding.texels} {finding.meaning}, in {finding.views} of the views"
+    yield f"{finding.verdict}: {finding}"
     for place in finding.places[:NAMED]:
         yield f"  {_place(place)}"
     if finding.texels > NAMED:

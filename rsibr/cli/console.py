@@ -54,8 +54,10 @@ def step_progress(name: str) -> Iterator[Callable[[int, int], None]]:
         yield show
 
 
-def note_clipped(bake: Bake) -> None:
-    """Say how many negative values of the environment were clipped, if any were."""
+def note_peculiarities(bake: Bake) -> None:
+    """Say once how many negative values of the environment were clipped, and what of the material no map can hold."""
+    for note in bake.manifest.material.notes:
+        console.print(f"note: {bake.manifest.material.name}: {note}", markup=False)
     environment = bake.manifest.environment
     if environment.clipped:
         console.print(

@@ -20,13 +20,13 @@ def demo(
 ) -> None:
     """Bake a clear-coat paint under a real sky, reconstruct novel views, compare with path tracing, write a report."""
     from rsibr.bake.baker import bake
-    from rsibr.cli.console import bake_progress, console, note_clipped, step_progress
+    from rsibr.cli.console import bake_progress, console, note_peculiarities, step_progress
     from rsibr.resources import configs
     from rsibr.validate.validation import validate
 
     with bake_progress() as show:
         baked = bake(configs() / "demo.toml", out=out / "paint.rsibr", on_progress=show)
-    note_clipped(baked)
+    note_peculiarities(baked)
     console.print(f"baked {baked.view_count} views of {baked.resolution}² in {baked.seconds:.1f} s: {baked.path}")
     with step_progress("validate") as step:
         found = validate(baked, views=VIEWS, samples=SAMPLES, out=out, on_progress=step)

@@ -31,11 +31,10 @@ def validate(
     given = [parse_view(text) for text in view or ()]
     check_output_folder(out)
     from rsibr.cli.console import step_progress
-    from rsibr.reconstruct.methods import METHODS
     from rsibr.validate.validation import validate as run
 
     with step_progress("validate") as show:
-        found = run(bake, views=given or views, methods=method or METHODS, samples=samples, out=out, on_progress=show)
+        found = run(bake, views=given or views, methods=method or None, samples=samples, out=out, on_progress=show)
     print_validation(found, out, json_output=json_output)
 
 

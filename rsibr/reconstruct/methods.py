@@ -111,6 +111,11 @@ class MethodSet:
         return SourceMaps.from_arrays(np.stack(images), coverage, frames)
 
 
+def available(bake: Bake) -> tuple[str, ...]:
+    """Names of the methods that a bake has all for: `rsibr` needs its lobes kept apart."""
+    return METHODS if bake.manifest.lobes else tuple(_RECIPES)
+
+
 def checked_name(name: str) -> str:
     """Return `name` where it is a method's; otherwise raise an InputError that says which there are."""
     if name in METHODS:

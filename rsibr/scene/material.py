@@ -33,11 +33,14 @@ class Material:
         SHA-256 of the content; file names do not enter.
     warp : {"mirror", "normal"}
         What its map is indexed by when it is warped as one lobe: the mirrored view direction, or the surface normal.
+    notes : tuple of str
+        What of it the maps cannot represent; bakes and reports say so.
     """
 
     name: str
     digest: str
     warp: Literal["mirror", "normal"]
+    notes: tuple[str, ...]
     _source: BsdfSource = field(repr=False)
     _where: str = field(repr=False, compare=False)
 
@@ -67,7 +70,13 @@ def load_material(config: MaterialConfig) -> Material:
     bsdf = load_bsdf(source, where)
     _require_opaque(bsdf, name, where)
     warp = _natural_warp(bsdf) if config.warp == "auto" else config.warp
-    return Material(name, bsdf_digest(source, where), warp, source, where)
+    return Material(name, bsdf_digest(source, where), warp, _notes(bsdf), source, where)
+
+
+def _notes(bsdf: mi.BSDF) -> tuple[str, ...]:
+    if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Anisotropic):
+        return ("anisotropic: sphere maps hold one look a normal, so that expect larger errors between the views",)
+    return ()
 
 
 def _source_of(config: MaterialConfig) -> tuple[str, BsdfSource, str]:

@@ -22,9 +22,11 @@ _REWRITES = (
     (r"^\"[^\"]*\":\s*", ""),  # the file itself, which `where` names
     (r"failed to instantiate \w+ plugin of type (\"[^\"]*\"):", r"\1:"),
     (r"\[[A-Z]\w+\]\s*", ""),  # the class that complains
+    (r"Traceback \(most recent call last\):.*?(?=\b\w*Error: )\w*Error: ", ""),  # of a plugin of our own
     (r"^std::bad_alloc$", "it does not fit into the memory"),
 )
 _VECTOR_FOR_COLOUR = "got vector"
+_OWN_PLUGIN = '"rsibr_'  # whose errors say what to do
 
 
 @contextmanager
@@ -40,6 +42,8 @@ def mitsuba_errors(where: str, fix: str) -> Iterator[None]:
         yield
     except (RuntimeError, ValueError, TypeError, MemoryError) as error:
         sentence = essential_sentence(str(error) or type(error).__name__)
+        if _OWN_PLUGIN in sentence:
+            fix = ""
         if _VECTOR_FOR_COLOUR in sentence:
             fix = "write a colour as {type = 'rgb', value = [r, g, b]}"
         raise InputError(sentence, where=where, fix=fix) from None

@@ -27,8 +27,11 @@ FALSE_ALARMS = 1e-3
 """Chance that a bake without drift shows one, where what the kernel leaves unexplained is Gaussian."""
 
 LEAST_DRIFT = 0.15
-"""Relative deviation below which nothing is called a drift. What few degrees leave unexplained is not quite Gaussian: of
-20 sound bakes (the presets under four real maps, twelve views) two exceed the level of `FALSE_ALARMS`, by 8 and 12 %."""
+"""Relative deviation below which nothing is called a drift.
+
+What few degrees leave unexplained is not quite Gaussian: of 20 sound bakes (the presets under four real maps, twelve
+views) two exceed the level of `FALSE_ALARMS`, by 8 and 12 %.
+"""
 
 ERRORS = 5.0
 """Standard errors of the map's mean that a deviation must exceed."""
@@ -96,8 +99,8 @@ def drifting_views(means: MapMeans, directions: Array, emitter: Mapping[str, Any
     -----
     Least squares with each view left out in turn: externally studentised residuals, Student's t, Šidák over views and
     channels at `FALSE_ALARMS`. Degrees 0 to V/3 − 1 (at most `HIGHEST_DEGREE`). What the higher degrees hold, and any
-    anisotropy of the BRDF, enters the residual of every view and makes the test less sharp. With twelve views, a drift of
-    30 % is seen in 17 of the 20 bakes named at `LEAST_DRIFT`: not where a tiny sun or a strip light is all the light.
+    anisotropy of the BRDF, enters the residual of every view and makes the test less sharp. With twelve views, a drift
+    of 30 % is seen in 17 of the 20 bakes named at `LEAST_DRIFT`: not where a tiny sun or a strip light is all the light.
     """
     degree = min(HIGHEST_DEGREE, len(directions) // _VIEWS_A_DEGREE - 1)
     if degree < 0:

@@ -25,12 +25,12 @@ from rsibr.validate.singularity import near_singularity
 Verdict = Literal["failed", "warning"]
 
 KINDS: dict[str, tuple[Verdict, str]] = {
-    "non_finite": ("failed", "texels that are NaN or Inf"),
-    "holes": ("failed", "texels of the disk without coverage"),
-    "fireflies": ("warning", "texels that a few bright samples make, unlike all around them"),
-    "half_overflow": ("warning", "texels above 65504, which half precision turns into Inf"),
+    "non_finite": ("failed", "NaN or Inf"),
+    "holes": ("failed", "inside the disk and not covered"),
+    "fireflies": ("warning", "a few bright samples make it, unlike all around it"),
+    "half_overflow": ("warning", "above 65504, which half precision turns into Inf"),
 }
-"""What is looked for in each map: how bad it is, and what it is."""
+"""What is looked for in each map: how bad a texel of the kind is, and what is wrong with it."""
 
 MARKS = {
     "non_finite": (0, 229, 255),
@@ -102,6 +102,13 @@ class Finding:
     texels: int
     views: int
     places: tuple[Place, ...]
+
+    def __str__(self) -> str:
+        """Return what a person reads: `2 texels in 1 view: non-finite (NaN or Inf)`."""
+        texels, views = ("" if count == 1 else "s" for count in (self.texels, self.views))
+        return (
+            f"{self.texels} texel{texels} in {self.views} view{views}: {self.kind.replace('_', '-')} ({self.meaning})"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,8 +182,9 @@ def assess(bake: Bake, views: Sequence[NDArray[np.float64]]) -> Health:
 
     Notes
     -----
-    False alarms: fireflies below 1e-5 a texel of the bake with the fewest samples, none with 16 samples or more (see `rsibr.bake.health`), drift below
-    1e-3 a bake where the kernel's residuals are Gaussian (see `rsibr.validate.energy`), the bound by the environment below 3e-7 a channel of a view; all else is counted, not estimated.
+    False alarms: fireflies below 1e-5 a texel of a bake of 4 to 11 samples, none seen with more (`rsibr.bake.health`);
+    drift below 1e-3 a bake where the kernel's residuals are Gaussian (`rsibr.validate.energy`); the bound by the
+    environment below 3e-7 a channel of a view. All else is counted, not estimated.
     """
     backend.use()
     survey = _Survey(bake)

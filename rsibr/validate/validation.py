@@ -15,7 +15,7 @@ from rsibr.bake.store import Bake, open_bake
 from rsibr.errors import BakeError, CheckFailed, InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.reconstruct.method import Method
-from rsibr.reconstruct.methods import METHODS, MethodSet, checked_name
+from rsibr.reconstruct.methods import METHODS, MethodSet, available, checked_name
 from rsibr.reconstruct.reconstruction import Reconstruction, run
 from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment, load_environment
@@ -41,7 +41,7 @@ def validate(
     bake: Bake | Path | str,
     *,
     views: int | Sequence[ArrayLike] = DEFAULT_VIEWS,
-    methods: Sequence[str] = METHODS,
+    methods: Sequence[str] | None = None,
     samples: int = DEFAULT_SAMPLES,
     buffers: int = MINIMUM_BUFFERS,
     out: Path | str | None = None,
@@ -56,8 +56,8 @@ def validate(
     views : int or sequence of array_like
         View directions; or how many to take: half at triangle centroids, the places farthest from any stored view, half
         random from the bake's seed.
-    methods : sequence of str
-        Names from `METHODS`.
+    methods : sequence of str, optional
+        Names from `METHODS`; by default all that the bake has the lobes for.
     samples : int
         Samples a texel of each reference, all buffers together.
     buffers : int
@@ -83,7 +83,8 @@ def validate(
     """
     backend.use()
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
-    names = [checked_name(name) for name in dict.fromkeys(methods)]
+    wanted = available(opened) if methods is None else methods
+    names = [checked_name(name) for name in dict.fromkeys(wanted)]
     if not names:
         raise InputError("no method given", where="--method", fix=f"there are: {', '.join(METHODS)}")
     chosen = _chosen_views(opened, views)
@@ -158,8 +159,10 @@ def _trusted_health(bake: Bake, views: list[NDArray[np.float64]], out: Path | st
         return health
     if out is not None:
         write_health(health, Path(out))
-    found = ", ".join(f"{f.texels} {f.meaning}" for f in health.findings.values() if f.verdict == "failed" and f.texels)
-    raise CheckFailed(f"holds {found}", where=str(bake.path), fix=f"see where: `rsibr check {bake.path}`")
+    found = "; ".join(
+        str(finding) for finding in health.findings.values() if finding.verdict == "failed" and finding.texels
+    )
+    raise CheckFailed(f"cannot be judged: {found}", where=str(bake.path), fix=f"see where: `rsibr check {bake.path}`")
 
 
 def _scene_of(bake: Bake) -> tuple[Environment, Material]:
@@ -201,6 +204,7 @@ def _summary(bake: Bake) -> BakeSummary:
             "warp": manifest.material.warp,
             "config_hash": manifest.config_hash,
             "clipped_values": manifest.environment.clipped,
+            **({"notes": "; ".join(manifest.material.notes)} if manifest.material.notes else {}),
             **{f"version_{name}": version for name, version in manifest.packages.items()},
         },
     )

@@ -43,7 +43,9 @@ def test_time_to_equal_rel_mse(benchmark, scene):
 
     def ours():
         images.append(
-            integrator.image(integrator.block(view_frame([1, 2, 3]), SAMPLES, np.random.SeedSequence(next(seeds)))[:, 0])
+            integrator.image(
+                integrator.block(view_frame([1, 2, 3]), SAMPLES, np.random.SeedSequence(next(seeds)))[:, 0]
+            )
         )
 
     benchmark.pedantic(ours, rounds=RUNS, warmup_rounds=1)

@@ -52,7 +52,7 @@ def test_an_overflow_is_a_warning(shell, baked):
     spoil(baked, 1e5)
     ended = shell("check", baked)
     assert ended.code == 0
-    assert "warning: 1 texels above 65504" in ended.stdout
+    assert "warning: 1 texel in 1 view: half-overflow (above 65504" in ended.stdout
 
 
 def test_bake_says_what_it_found_and_check_that_it_was_clamped(shell, tmp_path):

@@ -9,8 +9,8 @@ from rsibr.geometry.sphere_map import (
     normal_from_disk,
     reflection_from_disk,
     texel_centres,
-    tiled_texels,
     texel_coverage,
+    tiled_texels,
 )
 from tests.arrays import disk_grid, point, to_numpy, unit_vectors, vector
 

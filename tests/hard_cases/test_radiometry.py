@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from rsibr.bake.baker import bake_view, block_sizes
+from rsibr.bake.baker import bake, bake_view, block_sizes
 from rsibr.bake.integrator import SphereIntegrator, _interaction
 from rsibr.geometry.frame import view_frame
 from rsibr.reconstruct.blend import nearest_mix
@@ -208,6 +208,22 @@ def test_hc22_a_retroreflector_shows_its_larger_error_and_no_nan(warp):
         retroreflector, 33, warp=WARPS[warp]
     )  # odd: a texel centre lies on the view, where mirrors retroreflect
     assert np.isfinite(image(made, view_frame(made.viewpoints.directions[4]), 33)[inside(33)]).all()
+
+
+def test_hc22_an_anisotropic_lobe_is_flagged(tmp_path, asymmetric_environment):
+    """In the material, in the manifest of its bake, and from there in the report.
+
+    Fails when the flag is not asked for: mutant hc22 (flag).
+    """
+    brushed = {"type": "roughconductor", "alpha_u": 0.05, "alpha_v": 0.3}
+    assert "anisotropic" in load_material(MaterialConfig(bsdf=brushed)).notes[0]
+    assert load_material(MaterialConfig(preset="rough-aluminium")).notes == ()
+    config = tmp_path / "brushed.toml"
+    config.write_text(
+        f'[environment]\nfile="{asymmetric_environment}"\n[material.bsdf]\ntype="roughconductor"\nalpha_u=0.05\n'
+        "alpha_v=0.3\n[map]\nresolution=8\n[sampling]\nsamples=4\n"
+    )
+    assert "anisotropic" in bake(config, out=tmp_path / "b.rsibr").manifest.material.notes[0]
 
 
 def test_hc22_an_anisotropic_lobe_bakes_finite(asymmetric_environment):

@@ -32,11 +32,13 @@ def flat(bsdf: dict[str, Any]) -> dict[str, Any]:
     return {"surface": _plane(0.0, bsdf)}
 
 
-def layers(
-    substrate: dict[str, Any], eta: float = 1.5, depth: float = 0.0, coat_alpha: float = 0.0
-) -> dict[str, Any]:
+def layers(substrate: dict[str, Any], eta: float = 1.5, depth: float = 0.0, coat_alpha: float = 0.0) -> dict[str, Any]:
     """Return a sample of a dielectric interface over a substrate, with a medium of optical depth `depth` between."""
-    kind = {"type": "roughdielectric", "alpha": coat_alpha, "distribution": "ggx"} if coat_alpha else {"type": "dielectric"}
+    kind = (
+        {"type": "roughdielectric", "alpha": coat_alpha, "distribution": "ggx"}
+        if coat_alpha
+        else {"type": "dielectric"}
+    )
     coat = _plane(0.0, {**kind, "int_ior": eta, "ext_ior": 1.0})
     if depth > 0:
         coat["interior"] = {"type": "homogeneous", "sigma_t": depth, "albedo": 0.0}

@@ -1,7 +1,8 @@
 """Tests of a map with known variance against another: each texel, blocks of texels, and all of them together.
 
 A texel's test sees a firefly and is blind to a small bias everywhere; the aggregate sees that and is blind to a bias
-that changes its sign over the map; blocks lie between. p-values are float64 from survival functions: never zero by rounding.
+that changes its sign over the map; blocks lie between. p-values are float64, from survival functions: never zero by
+rounding.
 """
 
 from __future__ import annotations

@@ -171,7 +171,7 @@ def test_the_zonal_moments_are_those_of_the_closed_form(tmp_path, gradient_axis)
 
 
 def test_false_alarms_of_the_drift_are_as_rare_as_stated(rng, monkeypatch):
-    """Means of random kernels of degree 3 with Gaussian residuals of 30 %: 1e-3 a bake; of 2000 at most 9 (p = 5e-5)."""
+    """Random kernels of degree 3, Gaussian residuals of 30 %: 1e-3 a bake; 2000 show at most 9 (p = 5e-5)."""
     emitter = {"type": "envmap", "bitmap": _bitmap()}
     directions = icosphere(0).directions
     moments = zonal_moments(emitter, directions, 3)
@@ -252,7 +252,7 @@ def test_validate_reports_the_health_of_the_bake(sound, tmp_path):
 def test_validate_stops_at_nan_before_it_renders_and_says_where(sound, tmp_path, monkeypatch):
     sick = tampered(sound, tmp_path / "s.rsibr", {SICK: with_value(sound.map(SICK), "radiance", (10, 21), np.nan)})
     monkeypatch.setattr("rsibr.validate.validation.ReferenceRenderer", None)
-    with pytest.raises(CheckFailed, match=r"1 texels that are NaN.*rsibr check"):
+    with pytest.raises(CheckFailed, match=r"1 texel in 1 view: non-finite.*rsibr check"):
         validate(sick, out=tmp_path / "report")
     assert (tmp_path / "report" / "health.html").exists()
     assert not (tmp_path / "report" / "report.html").exists()
