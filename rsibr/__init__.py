@@ -43,8 +43,8 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'rsibr' has no attribute '{name}'")
     value = getattr(importlib.import_module(_HOME[name]), name)
-    globals()[name] = value  # the function, not the room of the same name that the import has bound
-    return value
+    # A room of that name (`rsibr.bake`) is bound by its import, and can be called like its function: `callable_room`
+    return globals().setdefault(name, value)
 
 
 def __dir__() -> list[str]:

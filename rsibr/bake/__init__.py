@@ -1,1 +1,5 @@
 """Radiance sphere maps by direct lighting, and their store on disk."""
+
+from rsibr.callable_room import make_callable
+
+make_callable(__name__, "rsibr.bake.baker", "bake")

@@ -83,6 +83,11 @@ class MapFile:
         """Texels along each side, N."""
         return len(self.coverage)
 
+    @property
+    def radiance(self) -> Image:
+        """Radiance of the whole material, shape (N, N, 3): its lobes add up to it."""
+        return np.asarray(np.sum(list(self.layers.values()), axis=0, dtype=np.float32))
+
     def parts(self) -> Iterator[tuple[str, Image]]:
         """Name and pixels of each part, in the order of the file."""
         yield from self.layers.items()

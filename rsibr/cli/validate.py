@@ -12,6 +12,9 @@ from rsibr.cli.options import BakePath, Json, check_output_folder, parse_view
 if TYPE_CHECKING:
     from rsibr.validate.results import Validation
 
+TABLE_WIDTH = 110
+"""Columns that the table of methods takes at least."""
+
 MOST_VIEWS = 10_000
 """The views of a validation are all held in memory, for its report."""
 
@@ -43,13 +46,18 @@ def print_validation(found: Validation, out: Path, *, json_output: bool) -> None
     if json_output:
         typer.echo((out / "metrics.json").read_text(encoding="utf-8"), nl=False)
         return
+    from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("method", "relMSE", "SMAPE", "FLIP", "map [ms]", "bake [s]", "pays after [views]")
+    table = Table(box=SIMPLE_HEAD)
+    for heading in ("method", "relMSE", "SMAPE", "FLIP", "ms a map", "s to bake", "pays after (views)"):
+        table.add_column(heading, no_wrap=True)
     for name, summary in found.summary.items():
         pays = "never" if summary.break_even_views is None else str(summary.break_even_views)
         row = (str(summary.rel_mse), f"{summary.smape:.4f}", f"{summary.flip:.4f}", f"{summary.seconds * 1e3:.1f}")
         table.add_row(name, *row, f"{found.bake.seconds:.1f}", pays)
-    Console(highlight=False).print(table)
+    console = Console(highlight=False)
+    console.width = max(console.width, TABLE_WIDTH)  # where nothing says how wide it is, a narrow one is assumed
+    console.print(table)
     typer.echo(f"report: {out / 'report.html'}")

@@ -27,8 +27,8 @@ def resident(dtype: Any, array: NDArray[Any]) -> Any:
     Notes
     -----
     On the CPU Dr.Jit would use NumPy's memory as it is, whose alignment differs from array to array. Kernels are
-    compiled for it: the same computation on other data would be compiled again, and lookups of whole texels (one aligned packet)
-    would fall apart into lookups of each channel, at three times the time.
+    compiled for it: the same computation on other data would be compiled again, and lookups of whole texels (one
+    aligned packet) would fall apart into lookups of each channel, at three times the time.
     """
     borrowed = dtype(np.ascontiguousarray(array).ravel())
     own = dr.empty(dtype, len(borrowed))

@@ -52,7 +52,7 @@ class MethodSet:
         maps = [bake.map(index) for index in range(bake.view_count)]
         self._maps = maps
         self._lobes = bake.manifest.lobes
-        self._sources = self._on_device([np.sum(list(m.layers.values()), axis=0, dtype=np.float32) for m in maps])
+        self._sources = self._on_device([m.radiance for m in maps])
         self._where = str(bake.path)
         self._viewpoints = from_directions(bake.directions, bake.triangles)
         self._warp = WARPS[bake.manifest.material.warp]

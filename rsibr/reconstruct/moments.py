@@ -1,8 +1,8 @@
 """How a lobe's footprint changes from one view to another, and what to do about it.
 
 A microfacet lobe is round in half-vector space. Around the mirror direction r its kernel then has the standard
-deviations 2σ in the plane of incidence and 2σ cos θ across it. The same r is seen from a stored view at another angle and
-in another plane, so that a warped source carries the wrong covariance; to second order it errs by ½ ΔM : ∇∇L.
+deviations 2σ in the plane of incidence and 2σ cos θ across it. The same r is seen from a stored view at another angle
+and in another plane, so that a warped source carries the wrong covariance; to second order it errs by ½ ΔM : ∇∇L.
 """
 
 from __future__ import annotations

@@ -2,13 +2,14 @@
 
     f = f_coat + T(ω_i) T(ω_o) / η² · [ ρ* a(ω_i) a(ω_o) / π + f_flakes + f_retro + f_between ](ω_i', ω_o')
 
-with ω' the refracted directions and T(ω) = (1 − E_coat(ω)) exp(−τ / cos θ'). `rsibr.scene.paint_layers` gives the rest: the
-pigment's own series ρ*, the light that flakes and coat throw at the pigment a, and several reflections among flakes
+with ω' the refracted directions and T(ω) = (1 − E_coat(ω)) exp(−τ / cos θ'). `rsibr.scene.paint_layers` gives the rest:
+the pigment's own series ρ*, the light that flakes and coat throw at the pigment a, and several reflections among flakes
 f_between.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from functools import cache
 from typing import Any
@@ -21,7 +22,8 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.geometry.resident import resident
-from rsibr.scene.paint_layers import AZIMUTH_NODES, COSINE_NODES, SINE_NODES, CoatTables, solve_layers
+from rsibr.scene.paint_layers import AZIMUTH_NODES, COSINE_NODES, SINE_NODES, CoatTables
+from rsibr.scene.paint_lobes import emerging, ggx, half_turn, microfacet_mirrors, mirrored, refracted
 from rsibr.scene.paint_recipe import PaintRecipe
 
 PLUGIN = "rsibr_car_paint"
@@ -29,6 +31,8 @@ PLUGIN = "rsibr_car_paint"
 
 PIGMENT, COAT, FLAKES, RETRO = range(4)
 """Index of each component, as `BSDFContext.component` takes it; the last is there only where the paint has it."""
+
+_LEAST_COSINE = 1e-7
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,8 @@ class _Side:
 class CarPaint:
     """Coated paint. Its parameters are those of `PaintRecipe`; all can be changed through `mi.traverse`.
 
-    Mitsuba has a BSDF class for each variant: `register` derives from it with these methods. Not differentiable in its parameters.
+    Mitsuba has a BSDF class for each variant: `register` derives from it with these methods. Not differentiable in its
+    parameters.
 
     Components: pigment (diffuse), coat (glossy; delta where `coat_alpha` is 0), flakes (glossy), and back-reflection
     (glossy) where the paint has any. Light reflected several times below the coat counts as pigment if the pigment took
@@ -67,8 +72,9 @@ class CarPaint:
     def parameters_changed(self, keys: list[str]) -> None:  # noqa: ARG002  # any of them enters every table
         """Solve the layers anew."""
         host = {name: np.array(value, dtype=np.float64).ravel() for name, value in self._parameters.items()}
-        colours = {f.name for f in fields(PaintRecipe) if f.type == "Colour"}
-        self._prepare(PaintRecipe(**{k: v if k in colours else float(v[0]) for k, v in host.items()}))
+        given: dict[str, Any] = {f.name: host[f.name] for f in fields(PaintRecipe) if f.type == "Colour"}
+        given |= {name: float(value[0]) for name, value in host.items() if name not in given}
+        self._prepare(PaintRecipe(**given))
 
     def eval(
         self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
@@ -96,15 +102,15 @@ class CarPaint:
             value += through * self._diffuse * i.entry * o.entry * dr.inv_pi
             pdf += shares[PIGMENT] * o.cosine * dr.inv_pi
         if FLAKES in shares:
-            lobe, density = _mirrors(self._flake_ggx, i.inner, o.inner)
+            lobe, density = microfacet_mirrors(self._flake_ggx, i.inner, o.inner)
             value += through * (self._flakes * lobe + self._between(i.inner, o.inner))
             pdf += shares[FLAKES] * density * squeeze
         if RETRO in shares:
-            lobe, density = _mirrors(self._retro_ggx, i.inner, _half_turn(o.inner))
+            lobe, density = microfacet_mirrors(self._retro_ggx, i.inner, half_turn(o.inner))
             value += through * self._retro * lobe
             pdf += shares[RETRO] * density * squeeze
         if COAT in shares and not self._is_smooth:
-            lobe, density = _mirrors(self._coat_ggx, si.wi, wo)
+            lobe, density = microfacet_mirrors(self._coat_ggx, si.wi, wo)
             facet = dr.normalize(si.wi + wo)
             value += lobe * o.cosine * mi.fresnel(dr.dot(si.wi, facet), self._eta)[0]
             pdf += shares[COAT] * density
@@ -132,7 +138,7 @@ class CarPaint:
             drawn.sampled_type = dr.select(chosen, mi.UInt32(kind), drawn.sampled_type)
         active = active & (si.wi.z > 0) & (drawn.wo.z > 0)
         value, drawn.pdf = self.eval_pdf(ctx, si, drawn.wo, active)
-        weight = value / drawn.pdf
+        weight = value / dr.select(drawn.pdf > 0, drawn.pdf, 1)
         if COAT in shares and self._is_smooth:
             mirrored = drawn.sampled_component == COAT
             drawn.pdf = dr.select(mirrored, shares[COAT], drawn.pdf)
@@ -146,19 +152,20 @@ class CarPaint:
 
     def _prepare(self, recipe: PaintRecipe) -> None:
         """Solve the layers, and put on the device what the kernels need: as data, never as constants."""
-        lobes = [recipe.flakes] + ([recipe.retro] if recipe.retro_share > 0 else [])
-        tables = solve_layers(recipe.int_ior, recipe.coat_alpha, recipe.depth, recipe.base, lobes)
+        tables = recipe.solve()
         flags = mi.BSDFFlags
         coat = flags.GlossyReflection if recipe.coat_alpha > 0 else flags.DeltaReflection
-        kinds = [flags.DiffuseReflection, coat] + [flags.GlossyReflection] * len(lobes)
+        kinds = [flags.DiffuseReflection, coat, flags.GlossyReflection]
+        if recipe.retro_share > 0:
+            kinds.append(flags.GlossyReflection)
         self.m_components = [kind | flags.FrontSide for kind in kinds]
         self.m_flags = int(np.bitwise_or.reduce([int(kind) for kind in self.m_components]))
         self._is_smooth = recipe.coat_alpha == 0
         self._eta, self._depth = _scalar(recipe.int_ior), _colour(recipe.depth)
         self._diffuse, self._flakes = _colour(tables.diffuse), _colour(recipe.flakes.reflectance)
         self._retro = _colour(recipe.retro.reflectance)
-        self._flake_ggx, self._retro_ggx = _ggx(recipe.flakes.alpha), _ggx(recipe.retro.alpha)
-        self._coat_ggx = _ggx(max(recipe.coat_alpha, 1e-4))
+        self._flake_ggx, self._retro_ggx = ggx(recipe.flakes.alpha), ggx(recipe.retro.alpha)
+        self._coat_ggx = ggx(max(recipe.coat_alpha, 1e-4))
         self._upload(tables)
 
     def _upload(self, tables: CoatTables) -> None:
@@ -167,9 +174,9 @@ class CarPaint:
         self._between_table = _texture(tables.interreflection, 3)
 
     def _side(self, w: mi.Vector3f) -> _Side:
-        cosine = dr.maximum(w.z, dr.epsilon(mi.Float))
+        cosine = dr.maximum(w.z, _LEAST_COSINE)
         ratio, *entry = self._by_cosine.eval(_along(dr.sqrt(cosine), COSINE_NODES))[: 1 + dr.size_v(mi.Spectrum)]
-        inner = _refracted(w, self._eta)
+        inner = refracted(w, self._eta)
         through = 1 - mi.fresnel(cosine, self._eta)[0] * ratio
         return _Side(cosine, inner, through * dr.exp(-self._depth / inner.z), mi.Spectrum(entry))
 
@@ -192,11 +199,11 @@ class CarPaint:
         if component == PIGMENT:
             return mi.warp.square_to_cosine_hemisphere(u)
         if component == COAT:
-            return mi.reflect(wi) if self._is_smooth else _mirrored(self._coat_ggx, wi, u)
-        inner = _refracted(wi, self._eta)
+            return mi.reflect(wi) if self._is_smooth else mirrored(self._coat_ggx, wi, u)
+        inner = refracted(wi, self._eta)
         if component == FLAKES:
-            return _emerging(_mirrored(self._flake_ggx, inner, u), self._eta)
-        return _emerging(_half_turn(_mirrored(self._retro_ggx, inner, u)), self._eta)
+            return emerging(mirrored(self._flake_ggx, inner, u), self._eta)
+        return emerging(half_turn(mirrored(self._retro_ggx, inner, u)), self._eta)
 
 
 @backend.on_variant
@@ -208,7 +215,7 @@ def register() -> None:
 def _create(props: mi.Properties) -> Any:
     variant = mi.variant()
     if "spectral" in variant or "polarized" in variant:
-        raise InputError(f"car paint does not work in the variant {variant}", fix="use an RGB or a mono variant")
+        raise InputError(f"works in the RGB and mono variants of Mitsuba, not in {variant}")
     return _class_for(variant)(props)
 
 
@@ -225,35 +232,6 @@ def _kind(flags: int) -> mi.BSDFFlags:
         for kind in (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection, mi.BSDFFlags.DeltaReflection)
         if int(flags) & int(kind)
     )
-
-
-def _mirrors(ggx: mi.MicrofacetDistribution, i: mi.Vector3f, o: mi.Vector3f) -> tuple[mi.Float, mi.Float]:
-    """BRDF [1/sr] of microfacet mirrors, and the density [1/sr] with which `_mirrored` draws `o`."""
-    facet = dr.normalize(i + o)
-    value = ggx.eval(facet) * ggx.G(i, o, facet) / (4 * i.z * o.z)
-    return value, ggx.pdf(i, facet) / (4 * dr.dot(o, facet))
-
-
-def _mirrored(ggx: mi.MicrofacetDistribution, i: mi.Vector3f, u: mi.Point2f) -> mi.Vector3f:
-    facet, _ = ggx.sample(i, u)
-    return mi.reflect(i, facet)
-
-
-def _half_turn(w: mi.Vector3f) -> mi.Vector3f:
-    return mi.Vector3f(-w.x, -w.y, w.z)
-
-
-def _refracted(w: mi.Vector3f, eta: mi.Float) -> mi.Vector3f:
-    """The direction below the coat, on the same side of the normal."""
-    x, y = w.x / eta, w.y / eta
-    return mi.Vector3f(x, y, dr.safe_sqrt(1 - (x * x + y * y)))
-
-
-def _emerging(inner: mi.Vector3f, eta: mi.Float) -> mi.Vector3f:
-    """The direction outside; downward where the light is reflected totally."""
-    x, y = inner.x * eta, inner.y * eta
-    height = 1 - (x * x + y * y)
-    return mi.Vector3f(x, y, dr.select((height > 0) & (inner.z > 0), dr.safe_sqrt(height), -1))
 
 
 def _along(position: mi.Float, nodes: int) -> mi.Float:
@@ -275,11 +253,7 @@ def _scalar(value: float) -> mi.Float:
     return dr.opaque(mi.Float, value)
 
 
-def _colour(values: NDArray[np.float64]) -> mi.Spectrum:
+def _colour(values: Iterable[float]) -> mi.Spectrum:
     colour = mi.Spectrum([float(v) for v in values])
     dr.make_opaque(colour)
     return colour
-
-
-def _ggx(alpha: float) -> mi.MicrofacetDistribution:
-    return mi.MicrofacetDistribution(mi.MicrofacetType.GGX, _scalar(alpha), True)

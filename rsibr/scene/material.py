@@ -17,7 +17,18 @@ from rsibr.scene.mitsuba_bsdf import BsdfSource, bsdf_digest, load_bsdf
 from rsibr.scene.plugin import require_files
 from rsibr.scene.trial import require_survival
 
-PRESETS = ("clearcoat-red", "glossy-plastic", "matte-lambert", "mirror-silver", "rough-aluminium")
+PRESETS = (
+    "candy-red",
+    "clearcoat-red",
+    "glossy-plastic",
+    "matte-lambert",
+    "metallic-blue",
+    "metallic-silver",
+    "mirror-silver",
+    "pearl-white",
+    "rough-aluminium",
+    "solid-red",
+)
 """Names of the materials that come with rsibr, `scenes/materials/NAME.xml`."""
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ class Gloss:
 
     Attributes
     ----------
-    reflectance : ndarray, shape (C,)
+    reflectance : tuple of C floats
         Of one facet times the share of the paint's area that the facets cover, a channel; 0 … 1.
     alpha : float
         GGX width.
@@ -46,7 +47,7 @@ class Gloss:
         Whether it is turned half round the normal, so that its peak is at the incident direction.
     """
 
-    reflectance: Array
+    reflectance: tuple[float, ...]
     alpha: float
     backward: bool = False
 
@@ -95,8 +96,11 @@ def cosine_nodes() -> Array:
     return np.linspace(0, 1, COSINE_NODES) ** 2
 
 
-def solve_layers(eta: float, coat_alpha: float, depth: Array, pigment: Array, lobes: Sequence[Gloss]) -> CoatTables:
-    """Tabulate a coat over pigment and glossy lobes.
+@lru_cache(maxsize=32)
+def solve_layers(
+    eta: float, coat_alpha: float, depth: tuple[float, ...], pigment: tuple[float, ...], lobes: tuple[Gloss, ...]
+) -> CoatTables:
+    """Tabulate a coat over pigment and glossy lobes: a quarter of a second, and nothing for one that was solved before.
 
     Parameters
     ----------
@@ -104,11 +108,11 @@ def solve_layers(eta: float, coat_alpha: float, depth: Array, pigment: Array, lo
         Index of refraction of the coat, > 1.
     coat_alpha : float
         GGX width of its outer surface; 0 is smooth.
-    depth : ndarray, shape (C,)
+    depth : tuple of C floats
         Optical depth of the coat along the normal.
-    pigment : ndarray, shape (C,)
+    pigment : tuple of C floats
         Reflectance of the pigment times the share of the area that it covers.
-    lobes : sequence of Gloss
+    lobes : tuple of Gloss
         At least one; its reflectance may be zero.
 
     Notes
@@ -118,7 +122,7 @@ def solve_layers(eta: float, coat_alpha: float, depth: Array, pigment: Array, lo
     """
     outer = np.maximum(cosine_nodes(), 1e-9)
     coat = _albedo(outer, coat_alpha, eta)
-    inside = _Inside(eta, outer, coat, depth)
+    inside = _Inside(eta, outer, coat, np.array(depth))
     tilted = np.sqrt(1 - (np.linspace(0, 1, SINE_NODES) / eta) ** 2)
     rows = [inner_cosine(outer, eta), tilted, inside.cosine]
     by_lobe = [_lobe_modes(rows, inside, lobe) for lobe in lobes]
@@ -191,7 +195,7 @@ class _Series:
         rows = np.moveaxis(table, -1, 0) * self._root
         modes = self._turns * (rows @ self._sum @ rows.swapaxes(-1, -2))
         values = dct(modes, type=1, axis=0)[:: _AZIMUTHS // (AZIMUTH_NODES - 1)] / (2 * np.pi)
-        return np.maximum((values + values.swapaxes(-1, -2)) / 2, 0)
+        return np.asarray(np.maximum((values + values.swapaxes(-1, -2)) / 2, 0))
 
 
 def _lobe_modes(rows: Sequence[Array], inside: _Inside, lobe: Gloss) -> list[Array]:
@@ -221,7 +225,7 @@ def _modes(rows: Array, columns: Array, lobe: Gloss) -> Array:
 
 
 def _half_turns(modes: int) -> Array:
-    return 1.0 - 2.0 * (np.arange(modes) % 2)
+    return np.where(np.arange(modes) % 2, -1.0, 1.0)
 
 
 def _ggx(cos_a: Array, cos_b: Array, azimuth: Array, alpha: float) -> Array:

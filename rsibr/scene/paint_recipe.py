@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.errors import InputError
-from rsibr.scene.paint_layers import Gloss
+from rsibr.scene.paint_layers import CoatTables, Gloss, solve_layers
 from rsibr.scene.pigments import pigment_reflectance
 
 Colour = NDArray[np.float64]
@@ -36,10 +36,6 @@ _RANGES: dict[str, tuple[float, float]] = {
     "retro_alpha": (0.05, 1.0),
 }
 _UNBOUNDED = ("coat_absorption",)
-
-
-def _grey(value: float) -> Any:
-    return field(default_factory=lambda: np.full(3, value))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,14 +66,14 @@ class PaintRecipe:
         GGX width of that.
     """
 
-    pigment: Colour = _grey(0.5)
-    flake_tint: Colour = _grey(0.9)
+    pigment: Colour = field(default_factory=lambda: np.full(3, 0.5))
+    flake_tint: Colour = field(default_factory=lambda: np.full(3, 0.9))
     flake_size: float = 16.0
     flake_density: float = 0.0
     int_ior: float = 1.5
     coat_alpha: float = 0.015
     coat_thickness: float = 40.0
-    coat_absorption: Colour = _grey(0.0)
+    coat_absorption: Colour = field(default_factory=lambda: np.zeros(3))
     retro_share: float = 0.0
     retro_alpha: float = 0.2
 
@@ -85,11 +81,8 @@ class PaintRecipe:
         for name, (lowest, highest) in _RANGES.items():
             value = np.asarray(getattr(self, name))
             if not ((value >= lowest) & (value <= highest)).all():
-                raise InputError(
-                    f"{name} is {', '.join(f'{x:g}' for x in np.atleast_1d(value))}",
-                    where="car paint",
-                    fix=f"use {lowest:g} to {highest:g}",
-                )
+                shown = ", ".join(f"{x:g}" for x in np.atleast_1d(value))
+                raise InputError(f"{name} is {shown}, and may be {lowest:g} to {highest:g}")
 
     @classmethod
     def from_properties(cls, properties: mi.Properties) -> PaintRecipe:
@@ -100,24 +93,19 @@ class PaintRecipe:
         InputError
             If a parameter is unknown or out of range.
         """
-        given = {}
+        given: dict[str, Any] = {}
         for parameter in fields(cls):
             name = parameter.name
-            if properties.has_property(name):
+            if name in properties:
                 is_colour = parameter.type == "Colour"
-                given[name] = _colour(properties, name) if is_colour else float(properties[name])
+                given[name] = _colour(properties, name) if is_colour else _number(properties, name)
             elif parameter.type == "Colour":
                 given[name] = cls().__dict__[name][: dr.size_v(mi.Spectrum)]
         if unknown := properties.unqueried():
             names = ", ".join(f"'{name}'" for name in unknown)
             known = ", ".join(parameter.name for parameter in fields(cls))
-            raise InputError(f"a car paint has no {names}", where="car paint", fix=f"use some of: {known}")
+            raise InputError(f"car paint has no {names}, only: {known}")
         return cls(**given)
-
-    @property
-    def depth(self) -> Colour:
-        """Optical depth of the coat along the normal."""
-        return self.coat_absorption * self.coat_thickness * 1e-3  # 1/mm times µm
 
     @property
     def coverage(self) -> float:
@@ -126,21 +114,41 @@ class PaintRecipe:
         return -math.expm1(-self.flake_density * area)
 
     @property
-    def base(self) -> Colour:
-        """Reflectance of the pigment that shows between the flakes, per area of paint."""
-        return self.pigment * (1 - self.coverage) * (1 - self.retro_share)
+    def depth(self) -> tuple[float, ...]:
+        """Optical depth of the coat along the normal."""
+        return _tuple(self.coat_absorption * self.coat_thickness * 1e-3)  # 1/mm times µm
 
     @property
     def flakes(self) -> Gloss:
         """The lobe of the flakes."""
-        return Gloss(self.flake_tint * self.coverage, FLAKE_FILM / self.flake_size)
+        return Gloss(_tuple(self.flake_tint * self.coverage), FLAKE_FILM / self.flake_size)
 
     @property
     def retro(self) -> Gloss:
-        """The lobe that sends light back, of reflectance one."""
-        return Gloss(
-            np.full_like(self.pigment, (1 - self.coverage) * self.retro_share), self.retro_alpha, backward=True
+        """The lobe that sends light back; each facet reflects all."""
+        share = (1 - self.coverage) * self.retro_share
+        return Gloss((share,) * len(self.pigment), self.retro_alpha, backward=True)
+
+    def solve(self) -> CoatTables:
+        """Tabulate the layers."""
+        return solve_layers(
+            self.int_ior,
+            self.coat_alpha,
+            self.depth,
+            _tuple(self.pigment * (1 - self.coverage) * (1 - self.retro_share)),
+            (self.flakes, self.retro) if self.retro_share > 0 else (self.flakes,),
         )
+
+
+def _tuple(values: Colour) -> tuple[float, ...]:
+    return tuple(values.tolist())
+
+
+def _number(properties: mi.Properties, name: str) -> float:
+    value = properties[name]
+    if not isinstance(value, int | float):
+        raise InputError(f"{name} is {value!r}, and may only be a number")
+    return float(value)
 
 
 def _colour(properties: mi.Properties, name: str) -> Colour:

@@ -24,8 +24,8 @@ def pigment_reflectance(name: str) -> NDArray[np.float64]:
     Returns
     -------
     ndarray, shape (3,)
-        Linear Rec.709, 0 … 1: the spectrum times D65 against the CIE 1931 2° observer, so that white stays white. Colours
-        outside Rec.709 are clipped.
+        Linear Rec.709, 0 … 1: the spectrum times D65 against the CIE 1931 2° observer, so that white stays white.
+        Colours outside Rec.709 are clipped.
 
     Raises
     ------
@@ -43,10 +43,10 @@ def pigment_reflectance(name: str) -> NDArray[np.float64]:
     if name not in patches:
         near = difflib.get_close_matches(name, patches, n=1)
         raise InputError(
-            f"there is no pigment '{name}'{f' (did you mean {near[0]!r}?)' if near else ''}",
-            where="pigment",
-            fix=f"use a colour or one of: {', '.join(patches)}",
+            f"there is no pigment '{name}'{f' (did you mean {near[0]!r}?)' if near else ''}, only colours and: "
+            f"{', '.join(patches)}"
         )
     observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
-    xyz = colour.sd_to_XYZ(patches[name], observer, colour.SDS_ILLUMINANTS["D65"]) / 100
+    daylight = colour.SDS_ILLUMINANTS["D65"].copy().align(observer.shape)
+    xyz = colour.sd_to_XYZ(patches[name], observer, daylight) / 100
     return np.clip(colour.XYZ_to_RGB(xyz, "ITU-R BT.709", apply_cctf_encoding=False), 0.0, 1.0)

@@ -100,7 +100,7 @@ def drifting_views(means: MapMeans, directions: Array, emitter: Mapping[str, Any
     Least squares with each view left out in turn: externally studentised residuals, Student's t, Šidák over views and
     channels at `FALSE_ALARMS`. Degrees 0 to V/3 − 1 (at most `HIGHEST_DEGREE`). What the higher degrees hold, and any
     anisotropy of the BRDF, enters the residual of every view and makes the test less sharp. With twelve views, a drift
-    of 30 % is seen in 17 of the 20 bakes named at `LEAST_DRIFT`: not where a tiny sun or a strip light is all the light.
+    of 30 % is seen in 17 of the 20 bakes named at `LEAST_DRIFT`: not where a tiny sun or a strip light is nearly all.
     """
     degree = min(HIGHEST_DEGREE, len(directions) // _VIEWS_A_DEGREE - 1)
     if degree < 0:

@@ -180,7 +180,7 @@ def _scene_of(bake: Bake) -> tuple[Environment, Material]:
 def _mean_radiance(bake: Bake) -> float:
     """Mean over the stored maps: one exposure for all views and methods."""
     maps = [bake.map(index) for index in range(bake.view_count)]
-    total = sum(float((layer * m.coverage[..., None]).sum()) for m in maps for layer in m.layers.values())
+    total = sum(float((m.radiance * m.coverage[..., None]).sum()) for m in maps)
     return total / (3 * sum(float(m.coverage.sum()) for m in maps))
 
 

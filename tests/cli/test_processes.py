@@ -135,7 +135,8 @@ def test_a_full_disk_is_the_machines_lack_and_costs_no_view(shell, tmp_path, tin
     manifest = json.loads((out / "manifest.json").read_text())
     kept = [view["file"] for view in manifest["views"] if view["done"]]
     assert 0 < len(kept) < 12
-    assert sorted(kept) == sorted(str(file.relative_to(out)) for file in out.glob("maps/*"))
+    there = {str(file.relative_to(out)) for file in out.glob("maps/*")}
+    assert set(kept) <= there  # a map may be there that the manifest had no room to count: the next writer sweeps it
     subprocess.run(["mount", "-o", "remount,size=1m", str(tiny_disk)], check=True)
     assert shell("bake", config, "--out", out).code == 0
 

@@ -167,7 +167,7 @@ def test_hc27_a_black_environment_gives_black_maps_and_finite_metrics(tmp_path):
         baked = bake(config, out=tmp_path / f"{preset}.rsibr")
         for index in (0, 11):
             stored = baked.map(index)
-            assert (stored.layers["radiance"] == 0).all()
+            assert (stored.radiance == 0).all()
             assert (stored.variance == 0).all()
     made = reconstruct(baked, [0.2, 0.3, 0.9])
     assert (made.image == 0).all()

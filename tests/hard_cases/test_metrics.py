@@ -125,7 +125,7 @@ def slow_map(_frame, resolution):
         body=lambda step, x: (step + 1, dr.sin(x) + 0.7),
         labels=("step", "value"),
     )
-    return mi.Color3f(value)
+    return mi.TensorXf(dr.repeat(value, 4), (resolution, resolution, 4))
 
 
 def test_hc33_a_reconstruction_is_timed_until_the_device_has_finished():

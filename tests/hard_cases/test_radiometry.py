@@ -272,7 +272,7 @@ def test_hc23_an_outlier_of_a_block_reaches_the_map_and_its_variance(monkeypatch
     blocks = iter(range(16))
 
     def block(frame, samples, seeds):
-        means = np.ones((covered, 3), dtype=np.float32)
+        means = np.ones((covered, 1, 3), dtype=np.float32)
         means[20] = 1e15 if next(blocks) == 7 else 1
         return means
 

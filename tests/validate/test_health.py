@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import rsibr
 from rsibr.bake.baker import bake
 from rsibr.bake.manifest import Manifest
 from rsibr.bake.map_file import MapFile
@@ -260,4 +261,13 @@ def test_validate_stops_at_nan_before_it_renders_and_says_where(sound, tmp_path,
 
 def test_what_is_no_bake_is_refused(tmp_path):
     with pytest.raises(BakeError):
-        rsibr.check(tmp_path / "none.rsibr")
+        check(tmp_path / "none.rsibr")
+
+
+def test_the_functions_of_the_package_stay_functions_whichever_is_named_first():
+    """`rsibr.check` imports the rooms `rsibr.bake` and `rsibr.validate`, which bear the names of functions."""
+    script = (
+        "import rsibr; rsibr.check; print([callable(getattr(rsibr, name)) for name in ('bake', 'check', 'validate')])"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[True, True, True]"
