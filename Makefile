@@ -53,7 +53,7 @@ fuzz: setup ## feed 10 000 altered inputs to everything that reads; report in ou
 
 notebooks: setup ## execute the notebooks into out/notebooks
 	@mkdir -p $(OUT)/notebooks
-	@$(WITH_LLVM) $(BIN)/jupyter-execute --log-level=WARN --output="../$(OUT)/notebooks/{notebook_name}" notebooks/*.ipynb
+	@$(WITH_LLVM) $(BIN)/jupyter-execute --output="../$(OUT)/notebooks/{notebook_name}" notebooks/*.ipynb
 	@echo "notebooks: executed into $(OUT)/notebooks"
 
 lock: $(CREATED) ## resolve the dependencies anew into requirements.lock

@@ -51,6 +51,8 @@ def _plugin_table(name: str, value: Any, info: ValidationInfo) -> dict[str, Any]
 
 
 def _plugin_value(name: str, value: Any, info: ValidationInfo) -> Any:
+    if name.rpartition(".")[2] == "filename" and not isinstance(value, str):
+        raise ValueError(f"{name} should be a path, in quotes")
     if isinstance(value, Mapping):
         return _plugin_table(name, value, info)
     if isinstance(value, list):

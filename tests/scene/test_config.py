@@ -138,3 +138,13 @@ def test_load_of_what_is_no_file(tmp_path):
 def test_config_is_frozen():
     with pytest.raises(ValueError, match="frozen"):
         parse().sampling.seed = 3  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("value", ['{type = "x"}', "[1]", "3", "true"])
+def test_a_filename_that_is_no_path_is_refused(value, tmp_path):
+    with pytest.raises(InputError, match="filename should be a path"):
+        parse_config(
+            {"material": {"preset": "glossy-plastic"}},
+            tmp_path,
+            [f'environment.emitter={{type="envmap", filename={value}}}'],
+        )
