@@ -18,6 +18,7 @@ from rsibr.bake.manifest import EnvironmentRecord, LobeRecord, Manifest, Materia
 from rsibr.bake.map_file import MapFile
 from rsibr.bake.store import Bake, BakeWriter, open_bake
 from rsibr.effects.lobes import LobeSplit
+from rsibr.effects.probe import is_retroreflective
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.scene.config import Config, load_config
@@ -28,6 +29,10 @@ from rsibr.scene.views import load_viewpoints
 MAX_BLOCKS = 16
 """Independent blocks a view: their spread is the variance of the mean. Not more, for samples are stratified only within
 a block and the blocks of a view are held in memory together."""
+
+RETROREFLECTIVE = (
+    "retroreflective: no warp follows light that goes back, so that expect larger errors between the views"
+)
 
 LEAST_BLOCK = 4
 """Samples a texel in a block below which there are rather fewer blocks."""
@@ -124,7 +129,7 @@ def plan_manifest(
         packages=packages,
         variant=variant,
         environment=EnvironmentRecord(name=environment.name, clipped=environment.clipped, lowest=environment.lowest),
-        material=MaterialRecord(name=material.name, warp=material.warp, notes=material.notes),
+        material=MaterialRecord(name=material.name, warp=material.warp, notes=_notes(material)),
         lobes=tuple(
             LobeRecord(name=lobe.name, alpha=lobe.alpha, albedo=tuple(map(tuple, lobe.albedo.round(6).tolist())))
             for lobe in (split.lobes if split else ())
@@ -133,6 +138,13 @@ def plan_manifest(
         directions=viewpoints.directions,
         triangles=viewpoints.triangles,
     )
+
+
+def _notes(material: Material) -> tuple[str, ...]:
+    """What of the material the warps do not follow; the bake says so, and so does every report on it."""
+    if is_retroreflective(material.bsdf()):
+        return (*material.notes, RETROREFLECTIVE)
+    return material.notes
 
 
 def _bake_views(

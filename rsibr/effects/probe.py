@@ -7,6 +7,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+RETRO_RATIO = 1.5
+"""Straight back over sideways, from which on a material counts as retroreflective."""
+
 
 def interaction(wo: mi.Vector3f) -> mi.SurfaceInteraction3f:
     """Point of a surface whose normal is +z, seen from `wo`.
@@ -48,4 +51,17 @@ def reflected(
     if flags is not None:
         context.type_mask = int(flags)
     value = bsdf.eval(context, interaction(mi.Vector3f(wo.T.astype(np.float32))), mi.Vector3f(wi.T.astype(np.float32)))
-    return np.array(value, dtype=np.float64).reshape(3, -1).T
+    found = np.array(value, dtype=np.float64).reshape(3, -1).T
+    return np.broadcast_to(found, (len(wi), 3))  # a BSDF may answer for all lanes at once
+
+
+def is_retroreflective(bsdf: mi.BSDF) -> bool:
+    """Whether a material sends light back to where it comes from, more than its lobe and its base would.
+
+    At 60° the BRDF straight back is held against that at the same angle to the side: equal for a matte base, and both
+    far from the mirror direction of a glossy one.
+    """
+    sine, cosine = np.sqrt(0.75), 0.5
+    wo = np.array([[sine, 0.0, cosine]] * 2)
+    back, side = reflected(bsdf, np.array([[sine, 0.0, cosine], [0.0, sine, cosine]]), wo).max(axis=1)
+    return bool(back > RETRO_RATIO * side + 1e-6)

@@ -1,6 +1,7 @@
 """Hard cases 16 to 23: furnaces, closed forms, lobes of every width, and what one warp cannot do."""
 
 import math
+from dataclasses import replace
 
 import drjit as dr
 import mitsuba as mi
@@ -10,13 +11,15 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from rsibr.bake.baker import bake, bake_view, block_sizes
+from rsibr.bake.health import map_health
 from rsibr.bake.integrator import SphereIntegrator, _interaction
+from rsibr.effects.probe import is_retroreflective
 from rsibr.geometry.frame import view_frame
 from rsibr.reconstruct.blend import nearest_mix
 from rsibr.reconstruct.warp import WARPS, MirrorWarp
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
-from rsibr.scene.material import load_material
+from rsibr.scene.material import PRESETS, load_material
 from rsibr.validate.flip import exposures_for
 from rsibr.validate.metrics import compare
 from rsibr.validate.reference import Reference
@@ -210,6 +213,23 @@ def test_hc22_a_retroreflector_shows_its_larger_error_and_no_nan(warp):
     assert np.isfinite(image(made, view_frame(made.viewpoints.directions[4]), 33)[inside(33)]).all()
 
 
+def test_hc22_a_retroreflective_lobe_is_flagged(tmp_path, asymmetric_environment):
+    """Of all presets and a paint with a retroreflective part, the latter alone; the manifest of its bake says so.
+
+    Fails when light that goes back is not looked for: mutant hc22 (light that goes back).
+    """
+    paint = load_material(MaterialConfig(bsdf={"type": "rsibr_car_paint", "retro_share": 0.5}))
+    flagged = [name for name in PRESETS if is_retroreflective(load_material(MaterialConfig(preset=name)).bsdf())]
+    assert is_retroreflective(paint.bsdf())
+    assert flagged == []
+    config = tmp_path / "retro.toml"
+    config.write_text(
+        f'[environment]\nfile="{asymmetric_environment}"\n[material.bsdf]\ntype="rsibr_car_paint"\nretro_share=0.5\n'
+        "[map]\nresolution=8\n[sampling]\nsamples=4\n"
+    )
+    assert "retroreflective" in bake(config, out=tmp_path / "b.rsibr").manifest.material.notes[0]
+
+
 def test_hc22_an_anisotropic_lobe_is_flagged(tmp_path, asymmetric_environment):
     """In the material, in the manifest of its bake, and from there in the report.
 
@@ -260,6 +280,21 @@ def test_hc23_grazing_samples_of_a_clear_coat_are_finite_and_not_clamped():
     got = to_numpy(made._reflected(_interaction(dr.repeat(mi.Vector3f(0, 0, 1), lanes), v), sampler))
     assert np.isfinite(got).all()
     assert got.max() > 5 * radiance
+
+
+def test_hc23_outliers_are_counted_and_reported(tmp_path):
+    """A map with two texels that a single block has lit: both are counted for its manifest, and left as they are.
+
+    Fails when fireflies are not looked for: mutant hc23 (counted).
+    """
+    made = integrator(MIRROR, resolution=N)
+    sound = bake_view(made, np.eye(3), [4] * 16, seed=0, index=0)
+    image, variance = sound.layers["radiance"].copy(), np.full_like(sound.variance, 1e-6)
+    for row, column in ((16, 16), (9, 20)):
+        image[row, column], variance[row, column] = 60.0, 60.0**2
+    found = map_health(replace(sound, layers={"radiance": image}, variance=variance))
+    assert found.record().fireflies == 2
+    assert image.max() == 60.0
 
 
 def test_hc23_an_outlier_of_a_block_reaches_the_map_and_its_variance(monkeypatch):
