@@ -46,7 +46,7 @@ lint: setup ## style, format, types, layers
 
 # The option stands in pyproject.toml's addopts, and pytest-benchmark refuses it together with --benchmark-only.
 bench: setup ## the benchmarks
-	@$(WITH_LLVM) $(BIN)/python -m pytest -o addopts="-ra --strict-markers --strict-config" tests/benchmarks --benchmark-only
+	@$(WITH_LLVM) $(BIN)/python -m pytest -o addopts="-ra --strict-markers --strict-config" tests/benchmarks --benchmark-only --capture=no
 
 fuzz: setup ## feed 10 000 altered inputs to everything that reads; report in out/fuzz.json
 	@$(WITH_LLVM) $(BIN)/python scripts/fuzz.py --inputs 10000 --seed 0 --out $(OUT)/fuzz.json
