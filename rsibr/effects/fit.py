@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import mitsuba as mi
 import numpy as np
@@ -13,18 +14,22 @@ from scipy.stats import qmc
 from rsibr.effects.probe import reflected
 from rsibr.effects.proxy import LAMBERT, lobe_values
 
-ROUGHNESSES: tuple[float, ...] = (LAMBERT, *np.geomspace(0.004, 1.0, 15).tolist())
+ROUGHNESSES: tuple[float, ...] = (LAMBERT, *np.geomspace(0.004, 1.0, 24).tolist())
 """Lobes that a fit may use."""
 
 COSINES_OUT = (0.98, 0.8, 0.6, 0.4, 0.25, 0.12)
 """Viewing angles at which the BRDF is probed."""
 
-WIDEST_CLUSTER = 2.2
+WIDEST_GAP = 1.9
 """Ratio of neighbouring roughnesses beyond which two fitted lobes are two, not one that the dictionary straddles."""
 
-LEAST_SHARE = 2e-3
+MOST_GLOSSY = 2
+"""Glossy lobes at most: a coat and what lies under it. Each costs a layer in every map."""
+
+LEAST_SHARE = 5e-3
 """Share of the reflected energy below which a fitted lobe joins its neighbour."""
 
+_TINY = 1e-12
 _DRAWS = 128
 _PROBED = (0.004, 0.02, 0.07, 0.25, 0.7)  # widths at which light directions are drawn: dense wherever a lobe may be
 
@@ -38,11 +43,24 @@ class ProxyLobe:
     alphas : tuple of float
         Roughness of each; `LAMBERT` for a matte lobe.
     coefficients : tuple of ndarray, each of shape (terms, 3)
-        Coefficient of each basis function of that roughness in each channel, ≥ 0.
+        Coefficient of each basis function of that roughness in each channel, ≥ 0; see `proxy.lobe_values`.
     """
 
     alphas: tuple[float, ...]
     coefficients: tuple[NDArray[np.float64], ...]
+
+    @property
+    def is_matte(self) -> bool:
+        """Whether the lobe follows the normal."""
+        return LAMBERT in self.alphas
+
+    @property
+    def alpha(self) -> float:
+        """Mean roughness, by the energy that each proxy carries head-on; `LAMBERT` for a matte lobe."""
+        if self.is_matte:
+            return LAMBERT
+        weights = [float(c.sum() - 0.95 * c[1:2].sum()) + _TINY for c in self.coefficients]  # grazing is faint head-on
+        return float(np.exp(np.average(np.log(self.alphas), weights=weights)))
 
 
 def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
@@ -80,32 +98,44 @@ def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
 
 
 def _clusters(energy: list[float]) -> list[list[int]]:
-    """Group the roughnesses that carry energy; matte stands alone, faint groups join the nearest."""
+    """Group the roughnesses that carry energy, widest first: matte stands alone, and at most `MOST_GLOSSY` others."""
     total = sum(energy)
     if total <= 0:
         return [[0]]
     carrying = [i for i, e in enumerate(energy) if e > 1e-6 * total]
+    matte = [[0]] if energy[0] >= LEAST_SHARE * total else []
     groups: list[list[int]] = []
-    for i in carrying:
-        previous = groups[-1][-1] if groups else -1
-        together = previous > 0 and ROUGHNESSES[i] < WIDEST_CLUSTER * ROUGHNESSES[previous]
-        if together:
+    for i in (i for i in carrying if i > 0):
+        if groups and ROUGHNESSES[i] < WIDEST_GAP * ROUGHNESSES[groups[-1][-1]]:
             groups[-1].append(i)
         else:
             groups.append([i])
-    return _joined(groups, energy, LEAST_SHARE * total)
+    return (matte + _merged(groups, energy, LEAST_SHARE * total)) or [[0]]
 
 
-def _joined(groups: list[list[int]], energy: list[float], least: float) -> list[list[int]]:
+def _merged(groups: list[list[int]], energy: list[float], least: float) -> list[list[int]]:
+    """Let faint groups join the nearest, and then the nearest join one another, until few enough are left."""
+
+    def carried(group: list[int]) -> float:
+        return sum(energy[i] for i in group)
+
+    def centre(group: list[int]) -> float:
+        return float(np.average(np.log([ROUGHNESSES[i] for i in group]), weights=[energy[i] for i in group]))
+
     while len(groups) > 1:
-        shares = [sum(energy[i] for i in group) for group in groups]
-        faintest = int(np.argmin(shares))
-        if shares[faintest] >= least:
+        gaps = [centre(b) - centre(a) for a, b in pairwise(groups)]
+        faintest = int(np.argmin([carried(group) for group in groups]))
+        if carried(groups[faintest]) < least:
+            left = (
+                faintest - 1
+                if faintest == len(gaps) or (faintest > 0 and gaps[faintest - 1] < gaps[faintest])
+                else faintest
+            )
+        elif len(groups) > MOST_GLOSSY:
+            left = int(np.argmin(gaps))
+        else:
             break
-        faint = groups.pop(faintest)
-        nearest = min(groups, key=lambda group: abs(group[len(group) // 2] - faint[0]))
-        nearest.extend(faint)
-        nearest.sort()
+        groups[left : left + 2] = [groups[left] + groups[left + 1]]
     return groups
 
 

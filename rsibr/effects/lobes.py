@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 
 from rsibr.effects.albedo import albedo_tables, mirror_albedo
 from rsibr.effects.fit import ProxyLobe, fit_lobes
-from rsibr.effects.proxy import LAMBERT, ggx, lambert
+from rsibr.effects.proxy import LAMBERT, lobe_values
 
 MIRROR = -1.0
 """Stands where a roughness would for a delta distribution."""
-
-_TINY = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +50,9 @@ class Lobe:
         return self.alpha == LAMBERT
 
 
+_TINY = 1e-12
+
+
 class LobeSplit:  # its numbers are opaque to kernels: another paint of the same build compiles nothing anew
     """The lobes of one material, and how each pair of directions is shared out among them.
 
@@ -68,7 +69,7 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
         self._terms = [_device_terms(proxy) for proxy in self._proxies]
         tables = albedo_tables(bsdf, self) if self._proxies else []
         self.lobes = [
-            Lobe(_name(proxy), _alpha(proxy), table) for proxy, table in zip(self._proxies, tables, strict=True)
+            Lobe(_name(proxy), proxy.alpha, table) for proxy, table in zip(self._proxies, tables, strict=True)
         ]
         if mi.has_flag(bsdf.flags(), mi.BSDFFlags.DeltaReflection):
             self.lobes.append(Lobe("mirror", MIRROR, mirror_albedo(bsdf)))
@@ -130,34 +131,27 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
         return [dr.maximum(rest, 0), *narrow]
 
 
-def _device_terms(proxy: ProxyLobe) -> list[tuple[mi.Float | None, list[mi.Color3f]]]:
-    """Roughness (None for a matte lobe) and coefficients of each proxy, on the device."""
+_Term = tuple[float, "mi.Float", dict[int, "mi.Color3f"]]
+
+
+def _device_terms(proxy: ProxyLobe) -> list[_Term]:
+    """Roughness, on the host and on the device, and the colours of the basis functions that are not black."""
     terms = []
     for alpha, coefficients in zip(proxy.alphas, proxy.coefficients, strict=True):
-        colours = [mi.Color3f(*coefficient.tolist()) for coefficient in coefficients]
-        roughness = None if alpha == LAMBERT else dr.opaque(mi.Float, alpha)
+        colours = {i: mi.Color3f(*colour.tolist()) for i, colour in enumerate(coefficients) if colour.any()}
         dr.make_opaque(colours)
-        terms.append((roughness, colours))
+        terms.append((alpha, dr.opaque(mi.Float, alpha), colours))
     return terms
 
 
-def _value(terms: list[tuple[mi.Float | None, list[mi.Color3f]]], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Color3f:
+def _value(terms: list[_Term], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Color3f:
     value = mi.Color3f(0)
-    for roughness, colours in terms:
-        basis = (lambert(wi),) if roughness is None else ggx(wi, wo, roughness)
-        for term, colour in zip(basis, colours, strict=True):
-            value += term * colour
+    for alpha, roughness, colours in terms:
+        basis = lobe_values(wi, wo, alpha, roughness)
+        for i, colour in colours.items():
+            value += basis[i] * colour
     return value
 
 
-def _alpha(proxy: ProxyLobe) -> float:
-    """Mean roughness of the proxies that make the lobe up, by the energy that each carries head-on."""
-    if LAMBERT in proxy.alphas:
-        return LAMBERT
-    weights = [float(c[0].sum() + 0.05 * c[1].sum()) + _TINY for c in proxy.coefficients]
-    return float(np.exp(np.average(np.log(proxy.alphas), weights=weights)))
-
-
 def _name(proxy: ProxyLobe) -> str:
-    alpha = _alpha(proxy)
-    return "diffuse" if alpha == LAMBERT else f"glossy-{alpha:.3g}"
+    return "diffuse" if proxy.is_matte else f"glossy-{proxy.alpha:.3g}"

@@ -1,0 +1,57 @@
+"""The distant light as one octahedral picture: what the model of a lobe is blurred from."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.geometry.octahedral import texel_directions
+
+RESOLUTION = 512
+"""Texels a side: 0.4° each, as fine as an environment map of 1024 × 512."""
+
+_POINTS = 3  # a side and texel at least, and so many a side and texel of the environment's
+_MOST_POINTS = 24
+
+
+def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUTION) -> NDArray[np.float32]:
+    """Mean radiance of the light over each texel.
+
+    Parameters
+    ----------
+    emitter : dict
+        Mitsuba emitter at infinity.
+    width : int
+        Columns of its image, if it has one: finer images are looked up at more points.
+    resolution : int
+        Texels a side, R.
+
+    Returns
+    -------
+    ndarray, shape (R, R, 3), float32
+        Radiance [W sr⁻¹ m⁻²]; see `rsibr.geometry.octahedral`. Black where the emitter is no environment, such as
+        `directional`.
+    """
+    environment = mi.load_dict({"type": "scene", "light": emitter}).environment()
+    if environment is None:
+        return np.zeros((resolution, resolution, 3), dtype=np.float32)
+    finer = math.ceil(_POINTS * width / (2 * math.sqrt(math.pi) * resolution))
+    points = min(max(_POINTS, finer), _MOST_POINTS)
+    total = mi.Color3f(0)
+    offsets = (np.arange(points) + 0.5) / points
+    for right in offsets:
+        for down in offsets:  # a pass a point, lest a fine environment fills the memory
+            total += _radiance(environment, texel_directions(resolution, float(right), float(down)))
+            dr.eval(total)
+    return np.array(total / points**2, dtype=np.float32).T.reshape(resolution, resolution, 3)
+
+
+def _radiance(environment: mi.Emitter, d: mi.Vector3f) -> mi.Color3f:
+    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(d))
+    si.wi = -d
+    return environment.eval(si)

@@ -1,0 +1,92 @@
+"""The octahedral map: the whole sphere of directions on one square, without poles and with a cheap inverse.
+
+A direction is projected onto the octahedron |x| + |y| + |z| = 1 and the lower half of that folded outward over the upper
+one. In an image of R×R texels column i lies at x = 2(i+½)/R − 1 and row j at y = 2(j+½)/R − 1; +z is in the middle.
+"""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+
+def square_from_direction(d: mi.Vector3f) -> mi.Point2f:
+    """Map point of a direction.
+
+    Parameters
+    ----------
+    d : mi.Vector3f
+        Directions of any positive length.
+
+    Returns
+    -------
+    mi.Point2f
+        Points of the square [−1, 1]².
+
+    Notes
+    -----
+    Praun & Hoppe (2003), section 4; without branches as in Cigolle et al. (2014), listing 1.
+    """
+    shrink = dr.rcp(dr.abs(d.x) + dr.abs(d.y) + dr.abs(d.z))
+    x, y = d.x * shrink, d.y * shrink
+    below = d.z < 0
+    folded_x, folded_y = dr.mulsign(1 - dr.abs(y), x), dr.mulsign(1 - dr.abs(x), y)
+    return mi.Point2f(dr.select(below, folded_x, x), dr.select(below, folded_y, y))
+
+
+def direction_from_square(p: mi.Point2f) -> mi.Vector3f:
+    """Unit direction at a map point: the inverse of `square_from_direction`."""
+    z = 1 - dr.abs(p.x) - dr.abs(p.y)
+    below = z < 0
+    x = dr.select(below, dr.mulsign(1 - dr.abs(p.y), p.x), p.x)
+    y = dr.select(below, dr.mulsign(1 - dr.abs(p.x), p.y), p.y)
+    return dr.normalize(mi.Vector3f(x, y, z))
+
+
+def texel_directions(resolution: int, right: float = 0.5, down: float = 0.5) -> mi.Vector3f:
+    """Unit directions of one point in each texel, row-major.
+
+    Parameters
+    ----------
+    resolution : int
+        Texels a side, R.
+    right, down : float
+        Where in the texel, in [0, 1]; by default its centre.
+    """
+    index = dr.arange(mi.UInt32, resolution * resolution)
+    column, row = mi.Float(index % resolution), mi.Float(index // resolution)
+    step, right, down = (dr.opaque(mi.Float, value) for value in (2 / resolution, right, down))
+    return direction_from_square(mi.Point2f((column + right) * step - 1, (row + down) * step - 1))
+
+
+def texel_solid_angles(resolution: int) -> NDArray[np.float64]:
+    """Solid angles [sr] of the texels, row-major, shape (R²,); they sum to 4π.
+
+    Notes
+    -----
+    A face of the octahedron lies in a plane, where dω = cos/r² dA: proportional to |p|⁻³ at the point p, or to the cube
+    of the unit direction's |x| + |y| + |z|.
+    """
+    share = np.abs(np.array(texel_directions(resolution), dtype=np.float64)).sum(axis=0) ** 3
+    return np.asarray(share * (4 * np.pi / share.sum()))
+
+
+def bordered(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Surround an image by one texel of what lies beyond its edges, where the map folds back on itself.
+
+    Parameters
+    ----------
+    image : ndarray, shape (R, R, C)
+        An octahedral image.
+
+    Returns
+    -------
+    ndarray, shape (R + 2, R + 2, C)
+        With it every bilinear lookup is continuous, over the edges too.
+    """
+    rows = np.concatenate([image[:1, ::-1], image, image[-1:, ::-1]])
+    left, right = rows[::-1, :1].copy(), rows[::-1, -1:].copy()
+    left[[0, -1]], right[[0, -1]] = image[[-1, 0], -1:], image[[-1, 0], :1]  # opposite corners are one point: −z
+    return np.ascontiguousarray(np.concatenate([left, rows, right], axis=1))
