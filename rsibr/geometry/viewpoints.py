@@ -37,23 +37,57 @@ class Viewpoints:
         return len(self.directions)
 
     @cached_property
+    def on_device(self) -> ViewSphere:
+        """The same on the device, to be looked up in kernels."""
+        return ViewSphere(
+            directions=resident(mi.Float, self.directions.astype(np.float32)),
+            triangles=resident(mi.UInt32, self.triangles.astype(np.uint32)),
+            tree=CapTree.build(self.directions[self.triangles]),
+            count=dr.opaque(mi.UInt32, len(self)),
+        )
+
+    @property
     def tree(self) -> CapTree:
         """Hierarchy over the triangles for point location, on the device."""
-        return CapTree.build(self.directions[self.triangles])
+        return self.on_device.tree
 
-    @cached_property
-    def device_directions(self) -> mi.Float:
-        """`directions` as a flat device array."""
-        return resident(mi.Float, self.directions.astype(np.float32))
+    def direction(self, index: mi.UInt32) -> mi.Vector3f:
+        """See `ViewSphere.direction`."""
+        return self.on_device.direction(index)
 
-    @cached_property
-    def device_triangles(self) -> mi.UInt32:
-        """`triangles` as a flat device array."""
-        return resident(mi.UInt32, self.triangles.astype(np.uint32))
+    def surrounding(self, v: mi.Vector3f) -> mi.Vector3u:
+        """See `ViewSphere.surrounding`."""
+        return self.on_device.surrounding(v)
+
+    def nearest(self, v: mi.Vector3f) -> mi.UInt32:
+        """See `ViewSphere.nearest`."""
+        return self.on_device.nearest(v)
+
+
+@dataclass(frozen=True, eq=False)
+class ViewSphere:
+    """Stored view directions and their triangles on the device.
+
+    Attributes
+    ----------
+    directions : mi.Float
+        Unit directions, three floats each, flat.
+    triangles : mi.UInt32
+        Indices of the directions, three each, flat.
+    tree : CapTree
+        Hierarchy over the triangles for point location.
+    count : mi.UInt32
+        Count of directions (opaque: more of them need no other kernel).
+    """
+
+    directions: mi.Float
+    triangles: mi.UInt32
+    tree: CapTree
+    count: mi.UInt32
 
     def direction(self, index: mi.UInt32) -> mi.Vector3f:
         """Stored direction of the view `index`, one a lane."""
-        return dr.gather(mi.Vector3f, self.device_directions, index)
+        return dr.gather(mi.Vector3f, self.directions, index)
 
     def surrounding(self, v: mi.Vector3f) -> mi.Vector3u:
         """Indices of the three views whose triangle contains `v`.
@@ -68,7 +102,7 @@ class Viewpoints:
         mi.Vector3u
             View indices. On an edge or a vertex, any of the triangles that share it.
         """
-        return dr.gather(mi.Vector3u, self.device_triangles, self.tree.locate(v))
+        return dr.gather(mi.Vector3u, self.triangles, self.tree.locate(v))
 
     def nearest(self, v: mi.Vector3f) -> mi.UInt32:
         """Index of the stored view nearest to `v`; of several equally near ones the first.
@@ -77,7 +111,7 @@ class Viewpoints:
         three nearest views are not the surrounding ones.
         """
         best, best_cosine, candidate = mi.UInt32(0), mi.Float(-2), mi.UInt32(0)
-        count, directions = dr.opaque(mi.UInt32, len(self)), self.device_directions  # out here: the loop records only
+        count, directions = self.count, self.directions  # out here: the loop records only
 
         def step(candidate: mi.UInt32, best: mi.UInt32, best_cosine: mi.Float) -> tuple[mi.UInt32, mi.UInt32, mi.Float]:
             cosine = dr.dot(v, dr.gather(mi.Vector3f, directions, candidate))

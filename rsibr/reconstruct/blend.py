@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import mitsuba as mi
 
 from rsibr.geometry.spherical import Weights
-from rsibr.geometry.viewpoints import Viewpoints
+from rsibr.geometry.viewpoints import ViewSphere
 from rsibr.reconstruct.sources import SourceMaps, StoredView
 
 
@@ -28,20 +28,20 @@ class Mixture:
     weights: list[mi.Float]
 
 
-Mix = Callable[[Viewpoints, SourceMaps, "mi.Vector3f"], Mixture]
-"""(viewpoints, maps, view directions) → the mixture of stored views for each direction."""
+Mix = Callable[[ViewSphere, SourceMaps, "mi.Vector3f"], Mixture]
+"""(stored directions, maps, view directions) → the mixture of stored views for each direction."""
 
 
-def nearest_mix(viewpoints: Viewpoints, sources: SourceMaps, v: mi.Vector3f) -> Mixture:
+def nearest_mix(sphere: ViewSphere, sources: SourceMaps, v: mi.Vector3f) -> Mixture:
     """Take the stored view nearest to each direction, alone."""
-    return Mixture([sources.view(viewpoints.nearest(v))], [mi.Float(1)])
+    return Mixture([sources.view(sphere.nearest(v))], [mi.Float(1)])
 
 
 def triangle_mix(weights: Callable[[mi.Vector3f, mi.Vector3f, mi.Vector3f, mi.Vector3f], Weights]) -> Mix:
     """Take the three stored views around each direction, weighted by `weights`; Cabral et al. (1999), section 3.4."""
 
-    def mix(viewpoints: Viewpoints, sources: SourceMaps, v: mi.Vector3f) -> Mixture:
-        views = [sources.view(index) for index in viewpoints.surrounding(v)]
+    def mix(sphere: ViewSphere, sources: SourceMaps, v: mi.Vector3f) -> Mixture:
+        views = [sources.view(index) for index in sphere.surrounding(v)]
         return Mixture(views, list(weights(v, *(view.v for view in views))))
 
     return mix

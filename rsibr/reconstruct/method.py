@@ -10,11 +10,12 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.frame import frame_of
+from rsibr.geometry.frame import frame_of, from_columns
 from rsibr.geometry.sphere_map import normal_from_disk, texel_centre, tiled_texels
-from rsibr.geometry.viewpoints import Viewpoints
+from rsibr.geometry.viewpoints import Viewpoints, ViewSphere
 from rsibr.reconstruct.blend import Mix, Mixture
 from rsibr.reconstruct.mesh import DiskMesh, MeshWarp, within_disk
+from rsibr.reconstruct.replay import Replayed
 from rsibr.reconstruct.sources import SourceMaps
 from rsibr.reconstruct.warp import LEAST_CONFIDENCE, Warp, WarpBetween
 
@@ -61,6 +62,12 @@ class Method:
     mix: Mix
     warp: WarpBetween
     cost: Cost
+    _sphere: ViewSphere = field(init=False, repr=False)
+    _replayed: Replayed = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._sphere = self.viewpoints.on_device
+        self._replayed = Replayed(_image)
 
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` off surfaces with normal `n`.
@@ -98,12 +105,19 @@ class Method:
 
         Notes
         -----
-        The view's sources, weights and warps are found once, in a kernel of one lane; what changes from view to view is
-        opaque to the kernels, so that nothing is compiled anew. They are not frozen (`dr.freeze`): it would save half a
-        millisecond of tracing, and aborts the process where an array is freed while it records.
+        The view's sources, weights and warps are found once, in a kernel of one lane. Nothing is traced from one view
+        to the next, and nothing compiled: the kernels of the first are launched again, see `Replayed`.
         """
-        matrix = mi.Matrix3f(frame.astype(np.float32))
-        dr.make_opaque(matrix)
+        self._prepare(resolution)
+        columns = mi.Float(frame.T.ravel().tolist())
+        return mi.TensorXf(self._replayed(self, columns, resolution), (resolution, resolution, 4))
+
+    def _prepare(self, resolution: int) -> None:
+        """Put on the device what maps of this resolution need beside the method's own arrays."""
+
+    def image(self, columns: mi.Float, resolution: int) -> mi.Float:
+        """The texels of a map, traced: row-major RGBA, flat; `columns` are the nine floats of the frame, x, y, z."""
+        matrix = from_columns(*(dr.gather(mi.Vector3f, columns, mi.UInt32(axis)) for axis in range(3)))
         mixture, warps = self._toward(matrix)
         dr.eval(mixture, warps)
         texel = tiled_texels(resolution)
@@ -111,11 +125,11 @@ class Method:
         # One packet a texel: with four channels it is written whole, as it is read
         image = dr.empty(mi.Float, 4 * resolution**2)
         dr.scatter(image, radiance, texel)
-        return mi.TensorXf(image, (resolution, resolution, 4))
+        return image
 
     def _toward(self, frame: mi.Matrix3f) -> tuple[Mixture, list[Warp]]:
         """The sources of the view that `frame` looks from, and the warps to them."""
-        mixture = self.mix(self.viewpoints, self.sources, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
+        mixture = self.mix(self._sphere, self.sources, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
         return mixture, [self.warp(stored, frame) for stored in mixture.views]
 
     def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Vector4f:
@@ -146,12 +160,14 @@ class MeshMethod(Method):
         local = frame.T @ n
         return _blended(self.sources, mixture, [MeshWarp(self.mesh, warp)(local) for warp in warps])
 
-    def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Vector4f:
-        p = texel_centre(texel, resolution)
+    def _prepare(self, resolution: int) -> None:
         if resolution not in self._corners:
             # Which triangle a texel lies in does not change with the view
-            self._corners[resolution] = self.mesh.corners(p)
+            self._corners[resolution] = self.mesh.corners(texel_centre(tiled_texels(resolution), resolution))
             dr.eval(self._corners[resolution])
+
+    def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Vector4f:
+        p = texel_centre(texel, resolution)
         n = normal_from_disk(self.mesh.vertex(dr.arange(mi.UInt32, self.mesh.vertex_count)))
         vertices = [_packed(*warp(n)) for warp in warps]
         dr.eval(vertices)
@@ -163,6 +179,11 @@ class MeshMethod(Method):
         return dr.if_stmt(
             self._corners[resolution], touches_disk(p, resolution), blended, lambda _corner, _share: mi.Vector4f(0)
         )
+
+
+def _image(method: Method, columns: mi.Float, resolution: int) -> mi.Float:
+    # A function of its own: what `Replayed` keeps is the recording alone, and the method goes with its last user
+    return method.image(columns, resolution)
 
 
 def _blended(sources: SourceMaps, mixture: Mixture, looked_up: list[tuple[mi.Point2f, mi.Float]]) -> mi.Color3f:

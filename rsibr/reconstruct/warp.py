@@ -14,7 +14,7 @@ from typing import Protocol
 import drjit as dr
 import mitsuba as mi
 
-from rsibr.geometry.frame import transported
+from rsibr.geometry.frame import from_columns, transported
 from rsibr.geometry.sphere_map import disk_from_normal, disk_from_reflection
 from rsibr.reconstruct.sources import StoredView
 
@@ -148,7 +148,7 @@ class NoWarp:
         """Lay the destination, with its `frame` of columns x, y, v, on a stored view."""
         v = _column(frame, 2)
         columns = [stored.to_local(transported(_column(frame, axis), v, stored.v)) for axis in range(3)]
-        return cls(_from_columns(*columns))
+        return cls(from_columns(*columns))
 
     def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
         """See `Warp`."""
@@ -160,12 +160,8 @@ WARPS: dict[str, WarpBetween] = {"mirror": MirrorWarp.between, "normal": NormalW
 
 
 def _rotation(stored: StoredView, frame: mi.Matrix3f) -> mi.Matrix3f:
-    return _from_columns(*(stored.to_local(_column(frame, axis)) for axis in range(3)))
+    return from_columns(*(stored.to_local(_column(frame, axis)) for axis in range(3)))
 
 
 def _column(matrix: mi.Matrix3f, axis: int) -> mi.Vector3f:
     return mi.Vector3f(matrix[0, axis], matrix[1, axis], matrix[2, axis])
-
-
-def _from_columns(x: mi.Vector3f, y: mi.Vector3f, z: mi.Vector3f) -> mi.Matrix3f:
-    return mi.Matrix3f(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z)
