@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 import rsibr
 from rsibr import backend
 from rsibr.bake.integrator import SphereIntegrator
-from rsibr.bake.manifest import EnvironmentRecord, LobeRecord, Manifest, MaterialRecord
+from rsibr.bake.manifest import EnvironmentRecord, LobeRecord, Manifest, MaterialRecord, ProxyRecord
 from rsibr.bake.map_file import MapFile
 from rsibr.bake.store import Bake, BakeWriter, open_bake
-from rsibr.effects.lobes import LobeSplit
+from rsibr.effects.light import light_map
+from rsibr.effects.lobes import Lobe, LobeSplit
 from rsibr.effects.probe import is_retroreflective
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import Viewpoints
@@ -102,6 +103,8 @@ def bake(
     split = None if settings.effects.lobes == "off" else LobeSplit.of(material.bsdf())
     manifest = plan_manifest(settings, environment, material, split, viewpoints, variant)
     with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer:
+        if not writer.has_light:
+            writer.commit_light(light_map(environment.emitter(), environment.width))
         _bake_views(writer, settings, environment, material, split, viewpoints.directions, on_progress)
     return open_bake(Path(out))
 
@@ -130,14 +133,26 @@ def plan_manifest(
         variant=variant,
         environment=EnvironmentRecord(name=environment.name, clipped=environment.clipped, lowest=environment.lowest),
         material=MaterialRecord(name=material.name, warp=material.warp, notes=_notes(material)),
-        lobes=tuple(
-            LobeRecord(name=lobe.name, alpha=lobe.alpha, albedo=tuple(map(tuple, lobe.albedo.round(6).tolist())))
-            for lobe in (split.lobes if split else ())
-        ),
+        lobes=tuple(_lobe_record(lobe) for lobe in (split.lobes if split else ())),
         resolution=config.map.resolution,
         directions=viewpoints.directions,
         triangles=viewpoints.triangles,
     )
+
+
+def _lobe_record(lobe: Lobe) -> LobeRecord:
+    proxy = lobe.proxy
+    terms = () if proxy is None else zip(proxy.alphas, proxy.coefficients, strict=True)
+    return LobeRecord(
+        name=lobe.name,
+        alpha=lobe.alpha,
+        albedo=_colours(lobe.albedo),
+        proxies=tuple(ProxyRecord(alpha=alpha, coefficients=_colours(values)) for alpha, values in terms),
+    )
+
+
+def _colours(values: NDArray[np.float64]) -> tuple[tuple[float, float, float], ...]:
+    return tuple((r, g, b) for r, g, b in values.round(6).tolist())
 
 
 def _notes(material: Material) -> tuple[str, ...]:

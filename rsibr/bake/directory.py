@@ -8,7 +8,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from rsibr.bake.atomic import file_checksum, is_leftover, sync_folder, unreadable, unwritable
-from rsibr.bake.manifest import MANIFEST_NAME, MAPS_NAME, ViewState
+from rsibr.bake.manifest import MANIFEST_NAME, MAPS_NAME, LightRecord, ViewState
 from rsibr.errors import BakeError
 
 LOCK_NAME = ".lock"
@@ -81,7 +81,7 @@ def entries(folder: Path) -> Iterator[Path]:
         yield from sorted(folder.iterdir())
 
 
-def check_file(file: Path, state: ViewState) -> None:
+def check_file(file: Path, state: ViewState | LightRecord) -> None:
     """See to it that `file` is there, with the size and the checksum that the manifest has for it.
 
     Raises
@@ -99,7 +99,7 @@ def check_file(file: Path, state: ViewState) -> None:
         raise altered(file)
 
 
-def is_whole(file: Path, state: ViewState) -> bool:
+def is_whole(file: Path, state: ViewState | LightRecord) -> bool:
     """Whether `check_file` has nothing to say against `file`."""
     try:
         check_file(file, state)

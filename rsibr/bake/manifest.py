@@ -47,6 +47,21 @@ class MaterialRecord(_Record):
     notes: tuple[str, ...] = ()
 
 
+class ProxyRecord(_Record):
+    """One of the smooth lobes that stand in for a lobe of the material; see `rsibr.effects.fit.ProxyLobe`.
+
+    Attributes
+    ----------
+    alpha : float
+        Its roughness.
+    coefficients : tuple of colours
+        Coefficient of each of its basis functions.
+    """
+
+    alpha: float
+    coefficients: tuple[Vector, ...]
+
+
 class LobeRecord(_Record):
     """One lobe of the material, stored as a layer of its name.
 
@@ -58,11 +73,21 @@ class LobeRecord(_Record):
         Roughness of the lobe; see `rsibr.effects.lobes.Lobe`.
     albedo : tuple of colours
         Its directional albedo over the viewing angle; see `rsibr.effects.albedo`.
+    proxies : tuple of ProxyRecord
+        What stands in for it in a model of the lobe; none for a delta, and in bakes older than this record.
     """
 
     name: str
     alpha: float
     albedo: tuple[Vector, ...]
+    proxies: tuple[ProxyRecord, ...] = ()
+
+
+class LightRecord(_Record):
+    """The file of the light: its checksum and its size [bytes]."""
+
+    sha256: str = Field(pattern=_SHA256)
+    bytes: int = Field(ge=0)
 
 
 class HealthRecord(_Record):
@@ -160,6 +185,8 @@ class Manifest(_Record):
         What is to be known about them, for reports.
     lobes : tuple of LobeRecord
         The material's lobes, each a layer of the maps; one lobe alone is the layer "radiance"; none were asked for.
+    light : LightRecord or None
+        The light that the model of each lobe is made from; None until written, and in bakes older than this record.
     resolution : int
         Texels along each side of a map.
     directions : tuple of vectors
@@ -179,6 +206,7 @@ class Manifest(_Record):
     environment: EnvironmentRecord
     material: MaterialRecord
     lobes: tuple[LobeRecord, ...] = ()
+    light: LightRecord | None = None
     resolution: int = Field(ge=1)
     directions: tuple[Vector, ...] = Field(min_length=1)
     triangles: tuple[Triangle, ...]
@@ -258,8 +286,8 @@ class Manifest(_Record):
 
     @property
     def size(self) -> int:
-        """Size of the maps done so far [bytes]."""
-        return sum(state.bytes or 0 for state in self.views)
+        """Size of the maps done so far, and of the light [bytes]."""
+        return sum(state.bytes or 0 for state in self.views) + (self.light.bytes if self.light else 0)
 
     def with_views(self, *states: ViewState) -> Manifest:
         """Return a copy in which each of `states` stands at its index."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rsibr.bake.atomic import checksum, read_bytes, unreadable
 from rsibr.bake.directory import BAKE_AGAIN, altered, check_file
+from rsibr.bake.light_file import LIGHT_NAME, decode_light
 from rsibr.bake.manifest import MANIFEST_NAME, Manifest, read_manifest
 from rsibr.bake.map_file import MapFile, decode_map
 from rsibr.bake.writer import BakeWriter
@@ -97,10 +98,21 @@ class Bake:
             raise IndexError(f"view {index} of {self.view_count}")
         state = self.manifest.views[index]
         file = self.path / state.file
-        data = read_bytes(file)
-        if checksum(data) != state.sha256:
-            raise altered(file)
-        return decode_map(data, where=str(file))
+        return decode_map(_content(file, state.sha256), where=str(file))
+
+    @cached_property
+    def light(self) -> NDArray[np.float32]:
+        """The light that the model of each lobe is made from, shape (R, R, 3); see `rsibr.effects.light`.
+
+        Raises
+        ------
+        BakeError
+            If the bake is too old to have it, or the file was altered since the bake was opened.
+        """
+        file = self.path / LIGHT_NAME
+        if self.manifest.light is None:
+            raise BakeError("is missing: the bake was made before lights were kept", where=str(file), fix=BAKE_AGAIN)
+        return decode_light(_content(file, self.manifest.light.sha256), where=str(file))
 
 
 def open_bake(path: Path) -> Bake:
@@ -125,7 +137,16 @@ def open_bake(path: Path) -> Bake:
         raise BakeError(f"is not finished: it holds {done} of {total} views", where=str(path), fix=BAKE_AGAIN)
     for state in manifest.views:
         check_file(path / state.file, state)
+    if manifest.light is not None:
+        check_file(path / LIGHT_NAME, manifest.light)
     return Bake(path, manifest)
+
+
+def _content(file: Path, sha256: str | None) -> bytes:
+    data = read_bytes(file)
+    if checksum(data) != sha256:
+        raise altered(file)
+    return data
 
 
 def _check_kind(path: Path) -> None:

@@ -10,12 +10,22 @@ from typing import Self
 
 import numpy as np
 from filelock import FileLock
+from numpy.typing import NDArray
 
-from rsibr.bake.atomic import is_leftover, unwritable
+from rsibr.bake.atomic import checksum, is_leftover, unwritable, write_atomic
 from rsibr.bake.difference import differences
 from rsibr.bake.directory import claim_directory, entries, is_whole, lock_directory, make_folder
 from rsibr.bake.health import map_health
-from rsibr.bake.manifest import MANIFEST_NAME, MAPS_NAME, Manifest, ViewState, read_manifest, write_manifest
+from rsibr.bake.light_file import LIGHT_NAME, encode_light
+from rsibr.bake.manifest import (
+    MANIFEST_NAME,
+    MAPS_NAME,
+    LightRecord,
+    Manifest,
+    ViewState,
+    read_manifest,
+    write_manifest,
+)
 from rsibr.bake.map_file import MapFile, write_map
 from rsibr.errors import BakeError
 
@@ -116,6 +126,29 @@ class BakeWriter:
         done = state.finished(sha256=sha256, seconds=float(seconds), size=size, health=health)
         self._record(self.manifest.with_views(done))
 
+    @property
+    def has_light(self) -> bool:
+        """Whether the light is stored already."""
+        return self.manifest.light is not None
+
+    def commit_light(self, light: NDArray[np.float32]) -> None:
+        """Store the light, for good.
+
+        Parameters
+        ----------
+        light : ndarray, shape (R, R, 3), float32
+            See `rsibr.effects.light.light_map`.
+
+        Raises
+        ------
+        MachineError, BakeError
+            If it cannot be written.
+        """
+        data = encode_light(light)
+        write_atomic(self.path / LIGHT_NAME, data)
+        record = LightRecord(sha256=checksum(data), bytes=len(data))
+        self._record(self.manifest.model_copy(update={"light": record}))
+
     def close(self) -> None:
         """Give the directory free for another writer."""
         self._lock.release()
@@ -157,7 +190,9 @@ def _continued(path: Path, wanted: Manifest, fresh: bool) -> Manifest:
     if differing:
         what = f"holds a bake of another config ({'; '.join(differing)})"
         raise BakeError(what, where=str(path), fix="use --fresh to bake anew, or another --out")
-    return wanted.with_views(*(state for state in found.views if state.done and is_whole(path / state.file, state)))
+    light = found.light if found.light and is_whole(path / LIGHT_NAME, found.light) else None
+    kept = wanted.model_copy(update={"light": light})
+    return kept.with_views(*(state for state in found.views if state.done and is_whole(path / state.file, state)))
 
 
 def _check_map(map_file: MapFile, state: ViewState, resolution: int) -> None:

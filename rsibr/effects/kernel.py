@@ -76,9 +76,7 @@ class LobeKernel:
         if proxy.is_matte:
             at = proxy.alphas.index(LAMBERT)
             return cls(LAMBERT, _NOTHING, _NOTHING, proxy.coefficients[at])
-        terms = [
-            np.concatenate([c, np.zeros((3 - len(c), 3))]) for c in proxy.coefficients
-        ]  # plain, grazing, coated
+        terms = [np.concatenate([c, np.zeros((3 - len(c), 3))]) for c in proxy.coefficients]  # plain, grazing, coated
         plain, grazing, coated = np.stack(terms, axis=1)
         alphas = np.array(proxy.alphas)
         return cls(proxy.alpha, _mixture(alphas, plain, grazing), _mixture(alphas, coated), np.zeros((2, 3)))

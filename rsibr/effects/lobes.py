@@ -33,11 +33,14 @@ class Lobe:
         Roughness α = r² of the microfacet lobe that it resembles; `LAMBERT` for a matte one, `MIRROR` for a delta.
     albedo : ndarray, shape (NODES, 3)
         Directional albedo E_k over the cosine of the viewing angle, at the nodes of `rsibr.effects.albedo`.
+    proxy : ProxyLobe or None
+        What stands in for it; None for a delta.
     """
 
     name: str
     alpha: float
     albedo: NDArray[np.float64]
+    proxy: ProxyLobe | None = None
 
     @property
     def is_mirror(self) -> bool:
@@ -69,7 +72,7 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
         self._terms = [_device_terms(proxy) for proxy in self._proxies]
         tables = albedo_tables(bsdf, self) if self._proxies else []
         self.lobes = [
-            Lobe(_name(proxy), proxy.alpha, table) for proxy, table in zip(self._proxies, tables, strict=True)
+            Lobe(_name(proxy), proxy.alpha, table, proxy) for proxy, table in zip(self._proxies, tables, strict=True)
         ]
         if mi.has_flag(bsdf.flags(), mi.BSDFFlags.DeltaReflection):
             self.lobes.append(Lobe("mirror", MIRROR, mirror_albedo(bsdf)))

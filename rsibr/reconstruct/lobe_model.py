@@ -287,23 +287,21 @@ class LobeModel:
         )
         return light, weight
 
-    def _bare(
-        self, slant: Slant, facet: mi.Vector3f
-    ) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
+    def _bare(self, slant: Slant, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
         """Where a facet on the surface reflects the viewer to, its weight, its grazing term, and how it spreads."""
         w, factor, grazed = self._reflected(slant.v, facet)
         return w, factor, grazed, 4 * dr.maximum(dr.dot(facet, slant.v), 1e-3)
 
-    def _coated(
-        self, slant: Slant, facet: mi.Vector3f
-    ) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
+    def _coated(self, slant: Slant, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
         """The same for a facet under the coat; light that is reflected totally does not leave it."""
         inner_v = refracted(slant.v)
         inner, factor, _ = self._reflected(inner_v, facet)
         x, y = inner.x * COAT_IOR, inner.y * COAT_IOR
         height = 1 - x * x - y * y
         w = mi.Vector3f(x, y, dr.sqrt(dr.maximum(height, 1e-6)))
-        factor = dr.select(height > 0, factor * transmitted(w.z) * transmitted(slant.cosine) * slant.cosine / inner_v.z, 0)
+        factor = dr.select(
+            height > 0, factor * transmitted(w.z) * transmitted(slant.cosine) * slant.cosine / inner_v.z, 0
+        )
         bent = COAT_IOR * COAT_IOR * dr.maximum(inner.z, 0) / w.z
         return w, factor, mi.Float(0), 4 * dr.maximum(dr.dot(facet, inner_v), 1e-3) * bent
 
@@ -345,9 +343,7 @@ def _quadrature(gaussians: Gaussians) -> Rows:
     return Rows.of(places, density @ gaussians.plain * area[:, None], density @ gaussians.grazing * area[:, None])
 
 
-def _sum(
-    a: tuple[mi.Color3f, mi.Color3f], b: tuple[mi.Color3f, mi.Color3f]
-) -> tuple[mi.Color3f, mi.Color3f]:
+def _sum(a: tuple[mi.Color3f, mi.Color3f], b: tuple[mi.Color3f, mi.Color3f]) -> tuple[mi.Color3f, mi.Color3f]:
     return a[0] + b[0], a[1] + b[1]
 
 

@@ -11,15 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.frame import frame_of
-from rsibr.geometry.resident import resident
 from rsibr.geometry.sphere_map import normal_from_disk, texel_centre
 from rsibr.reconstruct.blend import Mixture
+from rsibr.reconstruct.lobe_albedo import LobeAlbedo
 from rsibr.reconstruct.method import Method, as_rgba, touches_disk
 from rsibr.reconstruct.moments import MOST_TAKEN, Footprint, tap_angle
 from rsibr.reconstruct.sources import SourceMaps, StoredView
 from rsibr.reconstruct.warp import LEAST_CONFIDENCE, MirrorWarp, NormalWarp, Warp
 
-_LEAST_ALBEDO = 1e-4
 _LEAST_ALPHA = 0.004  # below, a lobe's footprint is finer than the texels of any map
 
 
@@ -31,8 +30,8 @@ class LobeMaps:
     ----------
     sources : SourceMaps
         Its radiance from every stored view.
-    albedo : mi.Float
-        Directional albedo E over √cos θ: RGB and padding, flat.
+    albedo : LobeAlbedo
+        Its directional albedo.
     alpha : mi.Float
         Roughness.
     is_diffuse, is_sharp : bool
@@ -40,7 +39,7 @@ class LobeMaps:
     """
 
     sources: SourceMaps
-    albedo: mi.Float
+    albedo: LobeAlbedo
     alpha: mi.Float
     is_diffuse: bool
     is_sharp: bool
@@ -48,27 +47,9 @@ class LobeMaps:
     @classmethod
     def of(cls, sources: SourceMaps, alpha: float, albedo: NDArray[np.float64]) -> LobeMaps:
         """Put a lobe on the device: its maps, its roughness and its albedo table of shape (NODES, 3)."""
-        padded = np.zeros((len(albedo), 4), dtype=np.float32)
-        padded[:, :3] = np.maximum(albedo, _LEAST_ALBEDO * max(1e-3, float(albedo.max())))
         return cls(
-            sources,
-            resident(mi.Float, padded),
-            dr.opaque(mi.Float, max(alpha, 0.0)),
-            alpha == 0.0,
-            alpha < _LEAST_ALPHA,
+            sources, LobeAlbedo.of(albedo), dr.opaque(mi.Float, max(alpha, 0.0)), alpha == 0.0, alpha < _LEAST_ALPHA
         )
-
-    def albedo_at(self, cosine: mi.Float) -> mi.Color3f:
-        """Directional albedo at cos θ, linear between the nodes."""
-        last = len(self.albedo) // 4 - 1
-        place = dr.sqrt(dr.clip(cosine, 0, 1)) * last
-        below = dr.minimum(mi.UInt32(place), last - 1)
-        mean = dr.lerp(
-            dr.gather(mi.Vector4f, self.albedo, below),
-            dr.gather(mi.Vector4f, self.albedo, below + 1),
-            place - mi.Float(below),
-        )
-        return mi.Color3f(mean.x, mean.y, mean.z)
 
 
 @dataclass
@@ -163,7 +144,7 @@ class LobedMethod(Method):
                 total += trusted * self._carried(lobe, stored.index, warp.mirror, footprint, p, cosine)
                 weights += trusted
             mean = total * (1 / weights)
-            radiance += mean * lobe.albedo_at(n.z) if self.corrections.albedo else mean
+            radiance += mean * lobe.albedo.at(n.z) if self.corrections.albedo else mean
         return radiance
 
     def _carried(
@@ -179,7 +160,7 @@ class LobedMethod(Method):
         seen = lobe.sources.fetch(view, p)
         if self.corrections.moments and not (lobe.is_diffuse or lobe.is_sharp):
             seen = _mended(lobe, view, mirror, footprint, cosine, seen)
-        return seen / lobe.albedo_at(cosine) if self.corrections.albedo else seen
+        return seen / lobe.albedo.at(cosine) if self.corrections.albedo else seen
 
 
 def _mended(

@@ -117,15 +117,10 @@ class Method:
 
     def image(self, columns: mi.Float, resolution: int) -> mi.Float:
         """The texels of a map, traced: row-major RGBA, flat; `columns` are the nine floats of the frame, x, y, z."""
-        matrix = from_columns(*(dr.gather(mi.Vector3f, columns, mi.UInt32(axis)) for axis in range(3)))
-        mixture, warps = self._toward(matrix)
+        mixture, warps = self._toward(frame_from(columns))
         dr.eval(mixture, warps)
         texel = tiled_texels(resolution)
-        radiance = self._texels(texel, resolution, mixture, warps)
-        # One packet a texel: with four channels it is written whole, as it is read
-        image = dr.empty(mi.Float, 4 * resolution**2)
-        dr.scatter(image, radiance, texel)
-        return image
+        return laid_out(self._texels(texel, resolution, mixture, warps), texel, resolution)
 
     def _toward(self, frame: mi.Matrix3f) -> tuple[Mixture, list[Warp]]:
         """The sources of the view that `frame` looks from, and the warps to them."""
@@ -194,6 +189,21 @@ def _blended(sources: SourceMaps, mixture: Mixture, looked_up: list[tuple[mi.Poi
         radiance += trusted * sources.fetch(stored.index, p)
         total += trusted
     return radiance * (1 / total)
+
+
+def frame_from(columns: mi.Float) -> mi.Matrix3f:
+    """Frame with the columns x, y and z that stand in nine floats one behind the other."""
+    return from_columns(*(dr.gather(mi.Vector3f, columns, mi.UInt32(axis)) for axis in range(3)))
+
+
+def laid_out(radiance: mi.Vector4f, texel: mi.UInt32, resolution: int) -> mi.Float:
+    """Texels worked through in any order as an image, row-major, flat.
+
+    One packet a texel: with four channels it is written whole, as it is read.
+    """
+    image = dr.empty(mi.Float, 4 * resolution**2)
+    dr.scatter(image, radiance, texel)
+    return image
 
 
 def as_rgba(radiance: mi.Color3f) -> mi.Vector4f:

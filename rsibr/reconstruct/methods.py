@@ -9,15 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
+from rsibr.bake.manifest import LobeRecord
 from rsibr.bake.store import Bake
 from rsibr.errors import BakeError, InputError
 from rsibr.geometry.spherical import area_weights, gnomonic_weights
 from rsibr.geometry.viewpoints import from_directions
 from rsibr.reconstruct.blend import Mix, nearest_mix, triangle_mix
+from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.lobed import Corrections, LobedMethod, LobeMaps, LobeWarps
 from rsibr.reconstruct.method import Cost, MeshMethod, Method
+from rsibr.reconstruct.modelled import ModelledMethod, modelled_lobe
 from rsibr.reconstruct.sources import SourceMaps
-from rsibr.reconstruct.warp import WARPS, NoWarp, WarpBetween
+from rsibr.reconstruct.warp import WARPS, MirrorWarp, NoWarp, WarpBetween
 
 _Recipe = Callable[[WarpBetween], tuple[type[Method], Mix, WarpBetween]]
 
@@ -53,7 +56,7 @@ class MethodSet:
         self._maps = maps
         self._lobes = bake.manifest.lobes
         self._sources = self._on_device([m.radiance for m in maps])
-        self._where = str(bake.path)
+        self._bake = bake
         self._viewpoints = from_directions(bake.directions, bake.triangles)
         self._warp = WARPS[bake.manifest.material.warp]
         self._cost = Cost(bake.seconds, bake.bytes)
@@ -72,25 +75,21 @@ class MethodSet:
         return self._made[name]
 
     def lobed(self, corrections: Corrections) -> LobedMethod:
-        """Make the method `rsibr` with some of its corrections left out.
+        """Make the lobes warped apart, without the light: what `rsibr` was before it had a model, to see what each gains.
 
         Raises
         ------
         BakeError
             If the bake was made with `effects.lobes = "off"`.
         """
-        if not self._lobes:
-            raise BakeError(
-                "its lobes were not kept apart", where=self._where, fix='bake with effects.lobes = "auto" for rsibr'
-            )
         lobes = []
-        for record in self._lobes:
+        for record in self._kept_apart():
             layer = record.name if len(self._lobes) > 1 else "radiance"
             sources = self._on_device([m.layers[layer] for m in self._maps])
             lobes.append(LobeMaps.of(sources, record.alpha, np.array(record.albedo)))
         mix = triangle_mix(gnomonic_weights)
         return LobedMethod(
-            "rsibr",
+            "rsibr-lobes",
             self._viewpoints,
             self._sources,
             mix,
@@ -100,9 +99,42 @@ class MethodSet:
             corrections=corrections,
         )
 
+    def modelled(self, *, uses_maps: bool = True) -> ModelledMethod:
+        """Make the method `rsibr`, or the model of the lobes alone.
+
+        Raises
+        ------
+        BakeError
+            If the bake was made with `effects.lobes = "off"`, or is too old to hold its light.
+        """
+        stack = LightStack.of(self._bake.light)
+        lobes = [modelled_lobe(record, stack, self._bake.light) for record in self._kept_apart()]
+        mix = triangle_mix(gnomonic_weights)
+        method = ModelledMethod(
+            "rsibr",
+            self._viewpoints,
+            self._sources,
+            mix,
+            MirrorWarp.between,
+            self._cost,
+            lobes=lobes,
+            uses_maps=uses_maps,
+        )
+        method.sources = self._on_device([method.left_over(m.radiance, m.frame) for m in self._maps])
+        return method
+
+    def _kept_apart(self) -> tuple[LobeRecord, ...]:
+        if not self._lobes:
+            raise BakeError(
+                "its lobes were not kept apart",
+                where=str(self._bake.path),
+                fix='bake with effects.lobes = "auto" for rsibr',
+            )
+        return self._lobes
+
     def _make(self, name: str) -> Method:
         if name == "rsibr":
-            return self.lobed(Corrections())
+            return self.modelled()
         kind, mix, warp = _RECIPES[name](self._warp)
         return kind(name, self._viewpoints, self._sources, mix, warp, self._cost)
 

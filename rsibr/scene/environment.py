@@ -65,6 +65,11 @@ class Environment:
     lowest: float
     plugin: dict[str, Any] = field(repr=False)
 
+    @property
+    def width(self) -> int:
+        """Columns of the map; 0 for an emitter that is none."""
+        return 0 if self.image is None else self.image.shape[1]
+
     def emitter(self) -> dict[str, Any]:
         """Return the emitter as a dict for `mi.load_dict`, to be nested in a scene.
 
