@@ -32,8 +32,13 @@ def normal_from_disk(p: mi.Point2f) -> mi.Vector3f:
     mi.Vector3f
         Unit normals in the map's frame, z ≥ 0. Cabral et al. (1999), section 3.3.
     """
-    q = p * dr.minimum(1, dr.rsqrt(dr.maximum(dr.squared_norm(p), 1e-30)))
+    q = within_disk(p)
     return mi.Vector3f(q.x, q.y, dr.sqrt(dr.maximum(1 - dr.squared_norm(q), 0)))
+
+
+def within_disk(p: mi.Point2f) -> mi.Point2f:
+    """Points outside the unit disk taken radially to its rim: beyond it a map holds nothing."""
+    return p * dr.minimum(1, dr.rsqrt(dr.maximum(dr.squared_norm(p), 1e-30)))
 
 
 def disk_from_normal(n: mi.Vector3f) -> mi.Point2f:

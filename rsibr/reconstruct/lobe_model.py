@@ -23,57 +23,14 @@ from rsibr.effects.proxy import COAT_IOR, refracted, schlick, transmitted
 from rsibr.geometry.resident import resident
 from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.polar_grid import PolarGrid
+from rsibr.reconstruct.streak import Slant, Streak
 
 WIDE = 0.12
 """Standard deviation of slopes from which on a Gaussian is gathered at the nodes of the coarse grid."""
 
-_LOOK = "blurred"
-_REACH = 2.2  # standard deviations that the lookups of a narrow Gaussian reach along the plane of incidence
-_DENSITY = 2.0  # lookups to a ratio of the ellipse's axes
-_MOST_LOOKUPS = 24
-_OVERLAP = 0.3  # least width of a lookup over the distance to the next
 _POINTS = 192  # of the quadrature over wide Gaussians
 _FILLING = 1.0  # width of a point's blur over the radius of the disk that it stands for
-_LEAST_COSINE = 1e-3
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
-
-
-@dataclass(frozen=True)
-class Slant:
-    """A surface as seen from the viewer, one a lane.
-
-    Attributes
-    ----------
-    n, x, y : mi.Vector3f
-        Normal; the direction along the surface toward the viewer, and across it.
-    cosine, sine : mi.Float
-        Of the angle between normal and viewer.
-    """
-
-    n: mi.Vector3f
-    x: mi.Vector3f
-    y: mi.Vector3f
-    cosine: mi.Float
-    sine: mi.Float
-
-    @classmethod
-    def of(cls, n: mi.Vector3f, v: mi.Vector3f) -> Slant:
-        """Look at surfaces with normal `n` from `v`, both unit vectors."""
-        cosine = dr.clip(dr.dot(n, v), _LEAST_COSINE, 1)
-        along = v - n * dr.dot(n, v)
-        squared = dr.squared_norm(along)
-        any_tangent = mi.Vector3f(mi.coordinate_system(n)[0])  # head-on every plane is one of incidence
-        x = dr.select(squared > 1e-10, along * dr.rsqrt(dr.maximum(squared, 1e-10)), any_tangent)
-        return cls(n, x, dr.cross(n, x), cosine, dr.sqrt(dr.maximum(1 - cosine * cosine, 0)))
-
-    @property
-    def v(self) -> mi.Vector3f:
-        """The viewer in the surface's frame."""
-        return mi.Vector3f(self.sine, 0, self.cosine)
-
-    def to_world(self, w: mi.Vector3f) -> mi.Vector3f:
-        """Direction in the surface's frame as one in the world."""
-        return self.x * w.x + self.y * w.y + self.n * w.z
 
 
 @dataclass(eq=False)
@@ -124,6 +81,8 @@ class LobeModel:
         Narrow Gaussians: (σ, 0, 0) and the weights.
     bare, coated : Rows
         Quadrature points of wide Gaussians, on the surface and under a coat: (slope x, slope y, area) and the weights.
+    streak : Streak
+        How a narrow Gaussian is looked up.
     """
 
     light: LightStack
@@ -132,7 +91,7 @@ class LobeModel:
     narrow: Rows
     bare: Rows
     coated: Rows
-    spreads: mi.Float
+    streak: Streak
 
     @classmethod
     def of(cls, kernel: LobeKernel, stack: LightStack, light: NDArray[np.float32]) -> LobeModel:
@@ -156,7 +115,7 @@ class LobeModel:
             narrow=Rows.of(widths, narrow.plain, narrow.grazing),
             bare=_quadrature(kernel.bare.between(WIDE, np.inf)),
             coated=_quadrature(kernel.coated),
-            spreads=resident(mi.Float, np.array([_spread_of(n) for n in range(_MOST_LOOKUPS + 1)], dtype=np.float32)),
+            streak=Streak.prepared(),
         )
 
     @property
@@ -213,16 +172,15 @@ class LobeModel:
 
     def _gathered_narrow(self, slant: Slant, spacing: mi.Float) -> tuple[mi.Color3f, mi.Color3f]:
         """Light and weight of the narrow Gaussians, gathered along the plane of incidence."""
-        texel = spacing * spacing * (1 / 12)  # variance of a box
-        cosine = dr.maximum(slant.cosine, 0.02)
 
         def gather(i: mi.UInt32, light: mi.Color3f, weight: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f, mi.Color3f]:
             sigma, plain, grazing = self.narrow.row(i)
-            across = sigma.x * sigma.x + texel
-            # A texel at the rim spans 1/cos θ as many slopes along the plane of incidence. What the blur of a lookup
-            # already covers there is taken off.
-            along = sigma.x * sigma.x + texel / (cosine * cosine) - cosine * cosine * across
-            a, b = self._along(slant, dr.sqrt(across), dr.sqrt(dr.maximum(along, 0)), plain, grazing)
+
+            def colour(facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Color3f]:
+                w, factor, grazed = self._reflected(slant.v, facet)
+                return w, factor * (plain + grazing * grazed)
+
+            a, b = self.streak.gather(slant, sigma.x, spacing, colour, self.light.blurred)
             return i + 1, light + a, weight + b
 
         _, light, weight = dr.while_loop(
@@ -233,36 +191,6 @@ class LobeModel:
             label="narrow_gaussians",
         )
         return light, weight
-
-    def _along(
-        self, slant: Slant, across: mi.Float, along: mi.Float, plain: mi.Color3f, grazing: mi.Color3f
-    ) -> tuple[mi.Color3f, mi.Color3f]:
-        """One Gaussian, `across` wide and `along` long [slope], looked up from end to end."""
-        lookups = dr.clip(dr.ceil(_DENSITY * along / (dr.maximum(slant.cosine, 0.02) * across)), 1, _MOST_LOOKUPS)
-        step, spread = 2 * _REACH / lookups, dr.gather(mi.Float, self.spreads, mi.UInt32(lookups))
-        least = _OVERLAP * 2 * step * along
-
-        def look(
-            j: mi.Float, light: mi.Color3f, weight: mi.Color3f, total: mi.Float
-        ) -> tuple[mi.Float, mi.Color3f, mi.Color3f, mi.Float]:
-            t = dr.fma(j + 0.5, step, -0.5 * step * lookups)
-            facet = dr.normalize(mi.Vector3f(t * spread * along, 0, 1))
-            share = dr.exp(-0.5 * t * t)
-            w, factor, grazed = self._reflected(slant.v, facet)
-            colour = share * factor * (plain + grazing * grazed)
-            width = dr.maximum(2 * dr.dot(facet, slant.v) * facet.z * across, least)
-            light += colour * getattr(self.light, _LOOK)(slant.to_world(w), width)
-            return j + 1, light, weight + colour, total + share
-
-        _, light, weight, total = dr.while_loop(
-            state=(mi.Float(0), dr.zeros(mi.Color3f, 1), dr.zeros(mi.Color3f, 1), mi.Float(0)),
-            cond=lambda j, _light, _weight, _total: j < lookups,
-            body=look,
-            labels=("j", "light", "weight", "total"),
-            label="lookups_along",
-        )
-        scale = dr.rcp(total)
-        return light * scale, weight * scale
 
     def _gathered_wide(self, slant: Slant) -> tuple[mi.Color3f, mi.Color3f]:
         """Light and weight of the wide Gaussians, by quadrature over slopes."""
@@ -320,12 +248,6 @@ class LobeModel:
         shadowing = 2 * cos_i * cos_o / (shadow_i + shadow_o)
         factor = dr.select((toward > 0) & (w.z > 0), shadowing * toward / facet.z, 0)
         return w, factor, schlick(toward)
-
-
-def _spread_of(lookups: int) -> float:
-    t = (np.arange(lookups) + 0.5) * 2 * _REACH / max(lookups, 1) - _REACH
-    share = np.exp(-0.5 * t * t)
-    return float(np.sqrt(share.sum() / (share * t * t).sum())) if lookups > 1 else 0.0
 
 
 def _quadrature(gaussians: Gaussians) -> Rows:

@@ -8,7 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from rsibr.geometry.sphere_map import disk_from_normal, normal_from_disk
+from rsibr.geometry.sphere_map import disk_from_normal, normal_from_disk, within_disk
 from rsibr.reconstruct.warp import LEAST_CONFIDENCE, Warp
 
 
@@ -103,11 +103,6 @@ class MeshWarp:
             at_corner, trust = self.exact(normal_from_disk(self.mesh.vertex(corner)))
             p, confidence = p + share * at_corner, confidence + share * trust
         return within_disk(p), dr.maximum(confidence, LEAST_CONFIDENCE)
-
-
-def within_disk(p: mi.Point2f) -> mi.Point2f:
-    """Pull points that extrapolation has put outside the disk back to its rim: beyond it a map holds nothing."""
-    return p * dr.minimum(1, dr.rsqrt(dr.maximum(dr.squared_norm(p), 1e-30)))
 
 
 def _barycentric(p: mi.Point2f, a: mi.Point2f, b: mi.Point2f, c: mi.Point2f) -> mi.Vector3f:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.frame import frame_of, from_columns
-from rsibr.geometry.sphere_map import normal_from_disk, texel_centre, tiled_texels
+from rsibr.geometry.sphere_map import normal_from_disk, texel_centre, tiled_texels, within_disk
 from rsibr.geometry.viewpoints import Viewpoints, ViewSphere
 from rsibr.reconstruct.blend import Mix, Mixture
-from rsibr.reconstruct.mesh import DiskMesh, MeshWarp, within_disk
+from rsibr.reconstruct.mesh import DiskMesh, MeshWarp
 from rsibr.reconstruct.replay import Replayed
 from rsibr.reconstruct.sources import SourceMaps
 from rsibr.reconstruct.warp import LEAST_CONFIDENCE, Warp, WarpBetween

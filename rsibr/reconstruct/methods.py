@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from difflib import get_close_matches
+from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,16 +13,23 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.bake.manifest import LobeRecord
 from rsibr.bake.store import Bake
+from rsibr.effects.fit import ProxyLobe
+from rsibr.effects.kernel import LobeKernel
 from rsibr.errors import BakeError, InputError
 from rsibr.geometry.spherical import area_weights, gnomonic_weights
 from rsibr.geometry.viewpoints import from_directions
 from rsibr.reconstruct.blend import Mix, nearest_mix, triangle_mix
 from rsibr.reconstruct.light_stack import LightStack
+from rsibr.reconstruct.lobe_albedo import LobeAlbedo
+from rsibr.reconstruct.lobe_model import LobeModel
 from rsibr.reconstruct.lobed import Corrections, LobedMethod, LobeMaps, LobeWarps
 from rsibr.reconstruct.method import Cost, MeshMethod, Method
-from rsibr.reconstruct.modelled import ModelledMethod, modelled_lobe
+from rsibr.reconstruct.modelled import FineMethod, ModelledMethod, PrefilteredMethod
+from rsibr.reconstruct.prefiltered import PrefilteredLobes
 from rsibr.reconstruct.sources import SourceMaps
 from rsibr.reconstruct.warp import WARPS, MirrorWarp, NoWarp, WarpBetween
+
+_Modelled = TypeVar("_Modelled", bound=ModelledMethod)
 
 _Recipe = Callable[[WarpBetween], tuple[type[Method], Mix, WarpBetween]]
 
@@ -31,13 +40,13 @@ _RECIPES: dict[str, _Recipe] = {
     "cabral1999-mesh": lambda warp: (MeshMethod, triangle_mix(area_weights), warp),
 }
 
-METHODS: tuple[str, ...] = (*_RECIPES, "rsibr")
+METHODS: tuple[str, ...] = (*_RECIPES, "rsibr", "rsibr-fine")
 """Names of the methods.
 
 `nearest`: the nearest stored view as it is. `blend`: the three around, weighted, unwarped. `cabral1999`: the paper as
 printed, one warp for the material, area weights, fade near the singularity. `cabral1999-mesh`: the same through its
-tessellated disk. `rsibr`: the best that we know, lobes warped apart, albedo carried with the surface, footprints
-corrected, gnomonic weights.
+tessellated disk. `rsibr`: a model of all lobes, made of the light alone, and what it leaves unsaid at the stored views.
+`rsibr-fine`: the same with a model that takes its time.
 """
 
 
@@ -99,29 +108,46 @@ class MethodSet:
             corrections=corrections,
         )
 
-    def modelled(self, *, uses_maps: bool = True) -> ModelledMethod:
-        """Make the method `rsibr`, or the model of the lobes alone.
+    def fine(self, *, uses_maps: bool = True) -> FineMethod:
+        """Make the method `rsibr-fine`, or its model alone.
 
         Raises
         ------
         BakeError
             If the bake was made with `effects.lobes = "off"`, or is too old to hold its light.
         """
-        stack = LightStack.of(self._bake.light)
-        lobes = [modelled_lobe(record, stack, self._bake.light) for record in self._kept_apart()]
-        mix = triangle_mix(gnomonic_weights)
-        method = ModelledMethod(
+        lobes = [
+            (LobeModel.of(kernel, self._stack, self._bake.light), LobeAlbedo.of(albedo))
+            for kernel, albedo in self._kernels()
+        ]
+        return self._with_residuals(FineMethod, "rsibr-fine", uses_maps=uses_maps, lobes=lobes)
+
+    def prefiltered(self, *, uses_maps: bool = True) -> PrefilteredMethod:
+        """Make the method `rsibr`, or its model alone; raises as `fine` does."""
+        kernels, stack, light = self._kernels(), self._stack, self._bake.light
+        return self._with_residuals(
+            PrefilteredMethod,
             "rsibr",
-            self._viewpoints,
-            self._sources,
-            mix,
-            MirrorWarp.between,
-            self._cost,
-            lobes=lobes,
             uses_maps=uses_maps,
+            prefilter=lambda resolution: PrefilteredLobes.of(kernels, stack, light, resolution),
+            by_itself=lambda: self["rsibr-fine"],
         )
-        method.sources = self._on_device([method.left_over(m.radiance, m.frame) for m in self._maps])
-        return method
+
+    def _with_residuals(self, kind: type[_Modelled], name: str, **rest: Any) -> _Modelled:
+        """Make a method with a model, and put into its sources what the model leaves unsaid."""
+        albedo = LobeAlbedo.of(np.sum([np.array(record.albedo) for record in self._lobes], axis=0))
+        mix = triangle_mix(gnomonic_weights)
+        made = kind(name, self._viewpoints, self._sources, mix, MirrorWarp.between, self._cost, albedo=albedo, **rest)
+        made.sources = self._on_device([made.left_over(m.radiance, m.frame) for m in self._maps])
+        return made
+
+    def _kernels(self) -> list[tuple[LobeKernel, NDArray[np.float64]]]:
+        """Kernel and directional albedo of each lobe."""
+        return [(lobe_kernel(record), np.array(record.albedo)) for record in self._kept_apart()]
+
+    @cached_property
+    def _stack(self) -> LightStack:
+        return LightStack.of(self._bake.light)
 
     def _kept_apart(self) -> tuple[LobeRecord, ...]:
         if not self._lobes:
@@ -134,7 +160,9 @@ class MethodSet:
 
     def _make(self, name: str) -> Method:
         if name == "rsibr":
-            return self.modelled()
+            return self.prefiltered()
+        if name == "rsibr-fine":
+            return self.fine()
         kind, mix, warp = _RECIPES[name](self._warp)
         return kind(name, self._viewpoints, self._sources, mix, warp, self._cost)
 
@@ -155,3 +183,11 @@ def checked_name(name: str) -> str:
     near = get_close_matches(name, METHODS, 1)
     meant = f"did you mean '{near[0]}'? " if near else ""
     raise InputError(f"unknown method '{name}'", where="--method", fix=f"{meant}there are: {', '.join(METHODS)}")
+
+
+def lobe_kernel(record: LobeRecord) -> LobeKernel:
+    """Kernel of a stored lobe, from the proxies that stand in for it; one without any is a mirror."""
+    if not record.proxies:
+        return LobeKernel.mirror()
+    alphas = tuple(proxy.alpha for proxy in record.proxies)
+    return LobeKernel.of(ProxyLobe(alphas, tuple(np.array(proxy.coefficients) for proxy in record.proxies)))

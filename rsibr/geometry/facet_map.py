@@ -1,0 +1,38 @@
+"""The facet map: all facets that a viewer can see, by their normals, in stereographic projection.
+
+It is conformal: a blur that is round on the sphere is round in the map, only its size changes, by a factor of two from
+the middle to the rim. The unit disk holds the facets that face the viewer; in an image of G×G texels the centres lie at
+(i + ½)/G, row 0 is the top.
+"""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+
+
+def facet_point(n: mi.Vector3f) -> mi.Point2f:
+    """Map point of unit normals in the viewer's frame, z > −1."""
+    scale = dr.rcp(1 + n.z)
+    return mi.Point2f(n.x * scale, n.y * scale)
+
+
+def facet_normal(p: mi.Point2f) -> mi.Vector3f:
+    """Unit normal at a map point: the inverse of `facet_point`."""
+    squared = dr.squared_norm(p)
+    scale = dr.rcp(1 + squared)
+    return mi.Vector3f(2 * p.x * scale, 2 * p.y * scale, (1 - squared) * scale)
+
+
+def angle_per_length(p: mi.Point2f) -> mi.Float:
+    """Angle on the sphere [rad] over length in the map."""
+    return 2 * dr.rcp(1 + dr.squared_norm(p))
+
+
+def facet_texels(resolution: int, border: int = 0) -> mi.Point2f:
+    """Map points of the texel centres of a G×G image with so many texels of border around it, row-major."""
+    side = resolution + 2 * border
+    index = dr.arange(mi.UInt32, side * side)
+    step = 2.0 / resolution
+    column, row = mi.Float(index % side) - border, mi.Float(index // side) - border
+    return mi.Point2f((column + 0.5) * step - 1, 1 - (row + 0.5) * step)

@@ -1,0 +1,43 @@
+"""Four numbers over the angle of the surface, on the device."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.geometry.resident import resident
+
+
+@dataclass(eq=False)
+class AngleTable:
+    """Values at nodes even in √cos θ, closest together at grazing angles.
+
+    Attributes
+    ----------
+    nodes : mi.Float
+        Four floats a node, from grazing to head-on, flat.
+    """
+
+    nodes: mi.Float
+
+    @classmethod
+    def of(cls, values: NDArray[np.float64]) -> AngleTable:
+        """Put values of shape (nodes, 3 or 4) on the device; a missing fourth is zero."""
+        padded = np.zeros((len(values), 4), dtype=np.float32)
+        padded[:, : values.shape[1]] = values
+        return cls(resident(mi.Float, padded))
+
+    def at(self, cosine: mi.Float) -> mi.Vector4f:
+        """Values at cos θ, linear between the nodes."""
+        last = len(self.nodes) // 4 - 1
+        place = dr.sqrt(dr.clip(cosine, 0, 1)) * last
+        below = dr.minimum(mi.UInt32(place), last - 1)
+        return dr.lerp(
+            dr.gather(mi.Vector4f, self.nodes, below),
+            dr.gather(mi.Vector4f, self.nodes, below + 1),
+            place - mi.Float(below),
+        )

@@ -1,0 +1,125 @@
+"""The method `rsibr`: as `rsibr-fine`, with a model that is quick for whole maps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.effects.kernel import LobeKernel
+from rsibr.geometry.facet_map import facet_point
+from rsibr.reconstruct.angle_table import AngleTable
+from rsibr.reconstruct.facet_pyramid import finest_resolution, gathered, lookup
+from rsibr.reconstruct.light_stack import LightStack
+from rsibr.reconstruct.lobe_weights import albedo_at_nodes, lobe_weights
+from rsibr.reconstruct.streak import Slant, Streak
+
+_DENSITY, _MOST_LOOKUPS = 0.7, 6  # of what is sharp: it is a texel wide or less
+
+Array = NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class PrefilteredLobes:
+    """All lobes of a material under a light, for sphere maps of one resolution.
+
+    Attributes
+    ----------
+    light : LightStack
+        The light, blurred.
+    resolution : int
+        Texels a side of the facet pyramid's first level.
+    levels : list of AngleTable
+        Weight of each level of the pyramid.
+    sharp : AngleTable or None
+        Weight and width of what is narrower than the first level; None where nothing is.
+    matte : list of (LightStack, AngleTable)
+        Irradiance and albedo of each matte lobe.
+    streak : Streak
+        How the sharp part is looked up.
+    """
+
+    light: LightStack
+    resolution: int
+    levels: list[AngleTable]
+    sharp: AngleTable | None
+    matte: list[tuple[LightStack, AngleTable]]
+    streak: Streak
+
+    @classmethod
+    def of(
+        cls,
+        lobes: list[tuple[LobeKernel, Array]],
+        stack: LightStack,
+        light: NDArray[np.float32],
+        resolution: int,
+    ) -> PrefilteredLobes:
+        """Prepare the lobes for sphere maps of N×N texels.
+
+        Parameters
+        ----------
+        lobes : list of (LobeKernel, ndarray of shape (albedo nodes, 3))
+            Kernel and directional albedo of each.
+        stack, light
+            The light, blurred; and as it is, shape (R, R, 3).
+        resolution : int
+            N.
+        """
+        finest = finest_resolution(resolution)
+        weights = lobe_weights([lobe for lobe in lobes if not lobe[0].is_matte], finest)
+        return cls(
+            light=stack,
+            resolution=finest,
+            levels=[AngleTable.of(level) for level in weights.levels],
+            sharp=AngleTable.of(weights.sharp) if weights.has_sharp else None,
+            matte=[
+                (LightStack.irradiance(light, kernel.matte), AngleTable.of(albedo_at_nodes(albedo)))
+                for kernel, albedo in lobes
+                if kernel.is_matte
+            ],
+            streak=Streak.prepared(_DENSITY, _MOST_LOOKUPS),
+        )
+
+    def gathered(self, frame: mi.Matrix3f) -> mi.Float:
+        """Light of all glossy lobes over the facet map of `frame`, columns x, y, v; for `radiance`."""
+        return gathered(frame, self.light, self.levels, self.resolution)
+
+    def radiance(self, n: mi.Vector3f, frame: mi.Matrix3f, facets: mi.Float, spacing: mi.Float) -> mi.Color3f:
+        """Mean radiance over a texel of a sphere map that the lobes reflect.
+
+        Parameters
+        ----------
+        n : mi.Vector3f
+            Unit normals at the texels' centres in the map's frame.
+        frame : mi.Matrix3f
+            Columns x, y, v of the map's frame.
+        facets : mi.Float
+            From `gathered`.
+        spacing : mi.Float
+            Distance of neighbouring texels in radii of the disk.
+        """
+        blurred = lookup(facets, self.resolution, facet_point(n))
+        radiance = mi.Color3f(blurred.x, blurred.y, blurred.z)
+        world = frame @ n
+        for irradiance, albedo in self.matte:
+            radiance += _colour(albedo.at(n.z)) * irradiance.fetch(world, mi.UInt32(0))
+        return radiance if self.sharp is None else radiance + self._sharp(world, frame, n.z, spacing)
+
+    def _sharp(self, n: mi.Vector3f, frame: mi.Matrix3f, cosine: mi.Float, spacing: mi.Float) -> mi.Color3f:
+        weight = self.sharp.at(cosine)
+        slant = Slant.of(n, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
+
+        def colour(facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Color3f]:
+            toward = dr.dot(facet, slant.v)
+            w = 2 * toward * facet - slant.v
+            return w, mi.Color3f(dr.select((toward > 0) & (w.z > 0), toward, 0))
+
+        light, total = self.streak.gather(slant, weight.w, spacing, colour, self.light.roughly_blurred)
+        return _colour(weight) * light / dr.maximum(total, 1e-20)
+
+
+def _colour(values: mi.Vector4f) -> mi.Color3f:
+    return mi.Color3f(values.x, values.y, values.z)

@@ -1,0 +1,48 @@
+"""What a model of the reflected light leaves unsaid at the stored views, carried to a new one."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+
+from rsibr.reconstruct.blend import Mixture
+from rsibr.reconstruct.sources import SourceMaps
+from rsibr.reconstruct.warp import Warp
+
+_LEAST_COSINE = 1e-6
+
+
+def carried(sources: SourceMaps, mixture: Mixture, warps: list[Warp], n: mi.Vector3f) -> mi.Color3f:
+    """Σ_i w_i c_i² ρ_i² R_i(p_i) / Σ_i w_i c_i² at the surface normal `n` of the new view.
+
+    A residual R_i = (S_i − P_i)/E is trusted by the cosine c_i under which its view saw the surface, and counts as far
+    as the footprints of the two views overlap, ρ_i = min(c_i, c_d)/max(c_i, c_d): an error of the model at one angle
+    says the less about another the more the angles differ. At a stored view nothing is left out: exact there, whatever
+    the model is.
+
+    Parameters
+    ----------
+    sources : SourceMaps
+        Residuals over the albedo.
+    mixture : Mixture
+        Stored views and their weights.
+    warps : list of Warp
+        To each of them.
+    n : mi.Vector3f
+        Unit normals in the new view's frame.
+
+    Returns
+    -------
+    mi.Color3f
+        The residual over the albedo [W sr⁻¹ m⁻²].
+    """
+    residual, total = mi.Color3f(0), mi.Float(0)
+    here = dr.maximum(n.z, _LEAST_COSINE)
+    for stored, weight, warp in zip(mixture.views, mixture.weights, warps, strict=True):
+        p, _ = warp(n)
+        there = dr.maximum(dr.sqrt(dr.maximum(1 - dr.squared_norm(p), 0)), _LEAST_COSINE)
+        overlap = dr.minimum(here, there) / dr.maximum(here, there)
+        trusted = weight * there * there
+        residual += trusted * overlap * overlap * sources.fetch(stored.index, p)
+        total += trusted
+    return residual * (1 / total)
