@@ -12,10 +12,12 @@ from scipy.ndimage import distance_transform_edt
 
 from rsibr.errors import MachineError
 from rsibr.geometry.resident import resident
+from rsibr.reconstruct.texel import packed, unpacked
 
-MAX_FLOATS = 2**32 - 1
+MAX_WORDS = 2**32 - 1
 """Entries that a Dr.Jit array can index."""
 
+_WORDS = 2  # a texel
 _BORDER = 1
 _AROUND = ((_BORDER, _BORDER), (_BORDER, _BORDER), (0, 0))
 
@@ -48,16 +50,16 @@ class SourceMaps:
 
     Attributes
     ----------
-    texels : mi.Float
-        RGBA float32 of all maps, each with a border of one texel, flat; A is unused and makes a texel one aligned
-        packet of 16 bytes.
+    texels : mi.UInt32
+        Texels of all maps, each map with a border of one texel, flat: two words a texel (see `texel`), which are
+        gathered as one aligned packet.
     frames : mi.Float
         Frame of each view, nine floats each, columns first: x, y, z in world coordinates.
     resolution : mi.UInt32
         Texels a side (opaque: maps of another size need no other kernel).
     """
 
-    texels: mi.Float
+    texels: mi.UInt32
     frames: mi.Float
     resolution: mi.UInt32
 
@@ -78,16 +80,16 @@ class SourceMaps:
         """
         count, resolution = radiance.shape[:2]
         stride = resolution + 2 * _BORDER
-        if 4 * count * stride**2 > MAX_FLOATS:
+        if _WORDS * count * stride**2 > MAX_WORDS:
             raise MachineError(
                 f"{count} maps of {resolution}² do not fit into one device array",
                 fix="lower the resolution or the views",
             )
-        texels = np.zeros((count, stride, stride, 4), dtype=np.float32)
+        texels = np.empty((count, stride, stride, _WORDS), dtype=np.uint32)
         for image, covered, texel in zip(radiance, coverage > 0, texels, strict=True):
-            texel[..., :3] = _filled_outward(np.pad(image, _AROUND), np.pad(covered, _BORDER))
+            texel[:] = packed(_filled_outward(np.pad(image, _AROUND), np.pad(covered, _BORDER)))
         return cls(
-            texels=resident(mi.Float, texels),
+            texels=resident(mi.UInt32, texels),
             frames=resident(mi.Float, np.swapaxes(frames, 1, 2).astype(np.float32)),
             resolution=dr.opaque(mi.UInt32, resolution),
         )
@@ -120,13 +122,12 @@ class SourceMaps:
         stride = self.resolution + 2 * _BORDER
         corner = dr.fma(top, stride, left) + view * (stride * stride)
 
-        def texel(offset: mi.UInt32 | int) -> mi.Color3f:
-            packet = dr.gather(mi.Vector4f, self.texels, corner + offset)
-            return mi.Color3f(packet.x, packet.y, packet.z)
+        def along(left_end: mi.UInt32) -> mi.Color3f:
+            left_m, left_scale = unpacked(dr.gather(mi.Vector2u, self.texels, left_end))
+            right_m, right_scale = unpacked(dr.gather(mi.Vector2u, self.texels, left_end + 1))
+            return left_m * ((1 - rightward) * left_scale) + right_m * (rightward * right_scale)
 
-        upper = dr.lerp(texel(0), texel(1), rightward)
-        lower = dr.lerp(texel(stride), texel(stride + 1), rightward)
-        return dr.lerp(upper, lower, downward)
+        return dr.lerp(along(corner), along(corner + stride), downward)
 
 
 def _filled_outward(image: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:
