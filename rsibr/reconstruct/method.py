@@ -151,7 +151,7 @@ class MeshMethod(Method):
     """
 
     mesh: DiskMesh = field(default_factory=DiskMesh)
-    _corners: dict[int, tuple[Any, Any]] = field(default_factory=dict, init=False, repr=False)
+    _corners: tuple[Any, ...] = field(default=(), init=False, repr=False)
 
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` off surfaces with normal `n`: `Method.eval`, through the mesh."""
@@ -160,11 +160,17 @@ class MeshMethod(Method):
         local = frame.T @ n
         return _blended(self.sources, mixture, [MeshWarp(self.mesh, warp)(local) for warp in warps])
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        # Which triangle a texel lies in does not change with the view. Not a field: a recording knows the corners of
+        # its own resolution only
+        self._corners_of: dict[int, tuple[Any, Any]] = {}
+
     def _prepare(self, resolution: int) -> None:
-        if resolution not in self._corners:
-            # Which triangle a texel lies in does not change with the view
-            self._corners[resolution] = self.mesh.corners(texel_centre(tiled_texels(resolution), resolution))
-            dr.eval(self._corners[resolution])
+        if resolution not in self._corners_of:
+            self._corners_of[resolution] = self.mesh.corners(texel_centre(tiled_texels(resolution), resolution))
+            dr.eval(self._corners_of[resolution])
+        self._corners = self._corners_of[resolution]
 
     def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Vector4f:
         p = texel_centre(texel, resolution)
@@ -176,9 +182,7 @@ class MeshMethod(Method):
             looked_up = [_interpolated(packed, corner, share) for packed in vertices]
             return as_rgba(_blended(self.sources, mixture, looked_up))
 
-        return dr.if_stmt(
-            self._corners[resolution], touches_disk(p, resolution), blended, lambda _corner, _share: mi.Vector4f(0)
-        )
+        return dr.if_stmt(self._corners, touches_disk(p, resolution), blended, lambda _corner, _share: mi.Vector4f(0))
 
 
 def _image(method: Method, columns: mi.Float, resolution: int) -> mi.Float:

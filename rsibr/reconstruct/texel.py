@@ -20,6 +20,7 @@ PRECISION = 2.0**-MANTISSA_BITS
 _BIAS = 127  # of a float32's exponent
 _LEAST_EXPONENT = 1 - _BIAS + MANTISSA_BITS
 _NOT_FINITE = 255
+_LARGEST = np.float32(np.ldexp(1 - 2 * PRECISION, 128))  # rounded up, the end of float32 would be infinite
 
 
 def packed(radiance: NDArray[np.float32]) -> NDArray[np.uint32]:
@@ -37,7 +38,7 @@ def packed(radiance: NDArray[np.float32]) -> NDArray[np.uint32]:
         green, a zero, 8 of the exponent, a zero. A texel that is not finite reads as NaN.
     """
     finite = np.asarray(np.isfinite(radiance).all(axis=-1))
-    light = np.where(finite[..., None], np.maximum(radiance, 0), np.float32(0))
+    light = np.where(finite[..., None], np.clip(radiance, 0, _LARGEST), np.float32(0))
     # A step more: a greatest channel that is rounded up to the next power of two takes that one's exponent
     exponent = np.frexp(light.max(axis=-1).astype(np.float64) * (1 + PRECISION))[1]
     exponent = np.maximum(exponent, _LEAST_EXPONENT)
