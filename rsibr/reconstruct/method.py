@@ -122,7 +122,7 @@ class Method:
         dr.eval(mixture, warps)
         texel = tiled_texels(resolution)
         radiance = self._texels(texel, resolution, mixture, warps)
-        # One packet a texel: with four channels it is written whole, as it is read
+        # With four channels a texel is one packet, written whole
         image = dr.empty(mi.Float, 4 * resolution**2)
         dr.scatter(image, radiance, texel)
         return image
