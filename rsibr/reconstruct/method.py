@@ -146,7 +146,7 @@ class MeshMethod(Method):
     """
 
     mesh: DiskMesh = field(default_factory=DiskMesh)
-    _corners: dict[int, tuple[Any, Any]] = field(default_factory=dict, init=False, repr=False)
+    _corners: tuple[Any, ...] = field(default=(), init=False, repr=False)
 
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` off surfaces with normal `n`: `Method.eval`, through the mesh."""
@@ -155,11 +155,17 @@ class MeshMethod(Method):
         local = frame.T @ n
         return _blended(self.sources, mixture, [MeshWarp(self.mesh, warp)(local) for warp in warps])
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        # Which triangle a texel lies in does not change with the view. Not a field: a recording knows the corners of
+        # its own resolution only
+        self._corners_of: dict[int, tuple[Any, Any]] = {}
+
     def _prepare(self, resolution: int) -> None:
-        if resolution not in self._corners:
-            # Which triangle a texel lies in does not change with the view
-            self._corners[resolution] = self.mesh.corners(texel_centre(tiled_texels(resolution), resolution))
-            dr.eval(self._corners[resolution])
+        if resolution not in self._corners_of:
+            self._corners_of[resolution] = self.mesh.corners(texel_centre(tiled_texels(resolution), resolution))
+            dr.eval(self._corners_of[resolution])
+        self._corners = self._corners_of[resolution]
 
     def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Vector4f:
         p = texel_centre(texel, resolution)
@@ -171,9 +177,7 @@ class MeshMethod(Method):
             looked_up = [_interpolated(packed, corner, share) for packed in vertices]
             return as_rgba(_blended(self.sources, mixture, looked_up))
 
-        return dr.if_stmt(
-            self._corners[resolution], touches_disk(p, resolution), blended, lambda _corner, _share: mi.Vector4f(0)
-        )
+        return dr.if_stmt(self._corners, touches_disk(p, resolution), blended, lambda _corner, _share: mi.Vector4f(0))
 
 
 def _image(method: Method, columns: mi.Float, resolution: int) -> mi.Float:
@@ -199,7 +203,7 @@ def frame_from(columns: mi.Float) -> mi.Matrix3f:
 def laid_out(radiance: mi.Vector4f, texel: mi.UInt32, resolution: int) -> mi.Float:
     """Texels worked through in any order as an image, row-major, flat.
 
-    One packet a texel: with four channels it is written whole, as it is read.
+    With four channels a texel is one packet, written whole.
     """
     image = dr.empty(mi.Float, 4 * resolution**2)
     dr.scatter(image, radiance, texel)

@@ -12,10 +12,13 @@ from scipy.ndimage import distance_transform_edt
 
 from rsibr.errors import MachineError
 from rsibr.geometry.resident import resident
+from rsibr.reconstruct.texel import packed, unpacked
 
-MAX_FLOATS = 2**32 - 1
+MAX_WORDS = 2**32 - 1
 """Entries that a Dr.Jit array can index."""
 
+_WORDS = 2  # a texel
+_STRIP = 8  # texels across a strip: 64 bytes, a line of the cache
 _BORDER = 1
 _AROUND = ((_BORDER, _BORDER), (_BORDER, _BORDER), (0, 0))
 
@@ -49,17 +52,21 @@ class SourceMaps:
     Attributes
     ----------
     texels : mi.Float
-        RGBA float32 of all maps, each with a border of one texel, flat; A is unused and makes a texel one aligned
-        packet of 16 bytes.
+        Texels of all maps, flat: bits of two words a texel (see `texel`), gathered as one aligned packet. Each map has
+        a border of one texel, and is laid out in upright strips of `_STRIP` texels, row after row of each.
     frames : mi.Float
         Frame of each view, nine floats each, columns first: x, y, z in world coordinates.
-    resolution : mi.UInt32
-        Texels a side (opaque: maps of another size need no other kernel).
+    half : mi.Float
+        Half the texels a side (opaque, as are the next two: maps of another size need no other kernel).
+    strip_size, map_size : mi.UInt32
+        Texels a strip, and a map with its border.
     """
 
     texels: mi.Float
     frames: mi.Float
-    resolution: mi.UInt32
+    half: mi.Float
+    strip_size: mi.UInt32
+    map_size: mi.UInt32
 
     @classmethod
     def from_arrays(
@@ -78,18 +85,23 @@ class SourceMaps:
         """
         count, resolution = radiance.shape[:2]
         stride = resolution + 2 * _BORDER
-        if 4 * count * stride**2 > MAX_FLOATS:
+        strips = -(-stride // _STRIP)
+        if _WORDS * count * strips * stride * _STRIP > MAX_WORDS:
             raise MachineError(
                 f"{count} maps of {resolution}² do not fit into one device array",
                 fix="lower the resolution or the views",
             )
-        texels = np.zeros((count, stride, stride, 4), dtype=np.float32)
+        texels = np.empty((count, strips, stride, _STRIP, _WORDS), dtype=np.uint32)
         for image, covered, texel in zip(radiance, coverage > 0, texels, strict=True):
-            texel[..., :3] = _filled_outward(np.pad(image, _AROUND), np.pad(covered, _BORDER))
+            filled = packed(_filled_outward(np.pad(image, _AROUND), np.pad(covered, _BORDER)))
+            whole = np.pad(filled, ((0, 0), (0, strips * _STRIP - stride), (0, 0)))
+            texel[:] = whole.reshape(stride, strips, _STRIP, _WORDS).swapaxes(0, 1)
         return cls(
-            texels=resident(mi.Float, texels),
+            texels=resident(mi.Float, texels.view(np.float32)),
             frames=resident(mi.Float, np.swapaxes(frames, 1, 2).astype(np.float32)),
-            resolution=dr.opaque(mi.UInt32, resolution),
+            half=dr.opaque(mi.Float, resolution / 2),
+            strip_size=dr.opaque(mi.UInt32, stride * _STRIP),
+            map_size=dr.opaque(mi.UInt32, strips * stride * _STRIP),
         )
 
     def view(self, index: mi.UInt32) -> StoredView:
@@ -112,21 +124,27 @@ class SourceMaps:
         mi.Color3f
             Radiance [W sr⁻¹ m⁻²].
         """
-        half = 0.5 * mi.Float(self.resolution)
         # A map's border of one texel makes every coordinate positive and every neighbour exist: nothing is clamped
-        column, row = dr.fma(p.x, half, half + 0.5), dr.fma(p.y, -half, half + 0.5)
+        column, row = dr.fma(p.x, self.half, self.half + 0.5), dr.fma(p.y, -self.half, self.half + 0.5)
         left, top = mi.UInt32(column), mi.UInt32(row)
         rightward, downward = column - mi.Float(left), row - mi.Float(top)
-        stride = self.resolution + 2 * _BORDER
-        corner = dr.fma(top, stride, left) + view * (stride * stride)
+        first = dr.fma(view, self.map_size, top * _STRIP)
+        upper_left, upper_right = first + self._across(left), first + self._across(left + 1)
 
-        def texel(offset: mi.UInt32 | int) -> mi.Color3f:
-            packet = dr.gather(mi.Vector4f, self.texels, corner + offset)
-            return mi.Color3f(packet.x, packet.y, packet.z)
+        def between(one: mi.UInt32, other: mi.UInt32) -> mi.Color3f:
+            (one_m, one_scale), (other_m, other_scale) = self._texel(one), self._texel(other)
+            return one_m * ((1 - rightward) * one_scale) + other_m * (rightward * other_scale)
 
-        upper = dr.lerp(texel(0), texel(1), rightward)
-        lower = dr.lerp(texel(stride), texel(stride + 1), rightward)
+        upper, lower = between(upper_left, upper_right), between(upper_left + _STRIP, upper_right + _STRIP)
         return dr.lerp(upper, lower, downward)
+
+    def _across(self, column: mi.UInt32) -> mi.UInt32:
+        """Place of a column's first texel in its map."""
+        return dr.fma(column // _STRIP, self.strip_size, column % _STRIP)
+
+    def _texel(self, index: mi.UInt32) -> tuple[mi.Color3f, mi.Float]:
+        # Gathered as floats, of which LLVM loads two at once, and as the words that they are again
+        return unpacked(dr.reinterpret_array(mi.Vector2u, dr.gather(mi.Vector2f, self.texels, index)))
 
 
 def _filled_outward(image: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:

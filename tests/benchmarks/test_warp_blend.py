@@ -1,4 +1,11 @@
-"""Warp and blend of a whole map at 512², three sources, against OpenCV doing the same lookups, in one run."""
+"""Warp and blend of whole maps, three sources, a new view each time, against its peers in one run.
+
+The peers: OpenCV doing the same lookups at given coordinates, once as it is called by everybody and once into memory
+that it is given; and a copy of the bytes that must be touched. All take turns, a block of views each, so that what else
+the machine does falls on all of them; medians are compared.
+"""
+
+from time import perf_counter
 
 import cv2
 import drjit as dr
@@ -9,72 +16,138 @@ import pytest
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.sphere_map import normal_from_disk, texel_centres
 from tests.arrays import unit_vectors
-from tests.reconstruct.scene import method
+from tests.reconstruct.scene import inside, method, mirror_sphere
 
-N = 512
 VIEWS = 16
+ROUNDS = 12
+BATCH = 64
+TEXEL_BYTES, RGBA_BYTES = 8, 16
 
 
-@pytest.fixture(scope="module")
-def made():
-    """The paper's method over twelve maps of 512², compiled."""
-    made = method(resolution=N)
-    dr.eval(made.map(view_frame([1, 2, 3]), N))
-    return made
+@pytest.fixture(params=[256, 512, 1024])
+def resolution(request):
+    """Texels a side, of the stored maps and of the new ones."""
+    return request.param
 
 
 @pytest.fixture
 def frames(rng):
-    """Frames of the views, to draw from in turn."""
+    """Frames of the views."""
     return [view_frame(v) for v in unit_vectors(rng, VIEWS)]
 
 
-@pytest.mark.benchmark(group="warp and blend, 512², three sources")
-def test_cabral1999_texel_by_texel(benchmark, made, frames):
-    """Point location, weights, warp coordinates, fade, three bilinear lookups and the blend: a new view each time."""
-    views = iter(frames * 10_000)
+@pytest.mark.benchmark(group="warp and blend")
+def test_cabral1999_against_opencv_and_a_copy(benchmark, resolution, frames):
+    """Ours: point location, weights, warp coordinates, fade, three bilinear lookups a texel, and the blend."""
+    made = method(resolution=resolution)
+    lookups = [_lookups(made, frame, resolution) for frame in frames]
+    maps = [_bordered(mirror_sphere(view_frame(v), resolution)) for v in made.viewpoints.directions]
+    _check_that_they_look_up_the_same(made, maps, lookups[0], resolution)
+    into = [np.empty_like(maps[0]) for _ in range(3)]
+    everything, copied = np.stack(maps).view(np.uint8).ravel(), np.empty(_bytes_touched(resolution) // 2, np.uint8)
+    apart = (everything.size - copied.size) // VIEWS  # another place each time, as the views are
+    contenders = {
+        "ours": lambda view: _frame(made, frames[view], resolution),
+        "OpenCV": lambda view: _opencv(maps, lookups[view]),
+        "OpenCV into its memory": lambda view: _opencv(maps, lookups[view], into),
+        "copy": lambda view: np.copyto(copied, everything[view * apart :][: copied.size]),
+    }
+    seconds = _in_turns(contenders)
+    benchmark.pedantic(lambda: _frame(made, frames[0], resolution), rounds=20, warmup_rounds=1)
+    _report(benchmark, f"{resolution}²", seconds)
 
-    def frame():
-        dr.eval(made.map(next(views), N))
+
+@pytest.mark.benchmark(group="warp and blend")
+def test_64_views_queued_at_once(benchmark, rng):
+    """The device never waits for the next view: its host's work is done meanwhile."""
+    size = 256
+    made, frames = method(resolution=size), [view_frame(v) for v in unit_vectors(rng, BATCH)]
+
+    def queued(_):
+        images = [made.map(frame, size) for frame in frames]
+        dr.eval(images)
         dr.sync_thread()
 
-    benchmark(frame)
+    def one_by_one(_):
+        for frame in frames:
+            _frame(made, frame, size)
+
+    seconds = _in_turns({"queued": queued, "one by one": one_by_one}, views=1)
+    benchmark.pedantic(lambda: queued(0), rounds=5, warmup_rounds=1)
+    queued_s, single_s = (1e3 * np.median(seconds[name]) / BATCH for name in ("queued", "one by one"))
+    benchmark.extra_info.update(ratio=single_s / queued_s)
+    print(f"\n{BATCH} views of {size}²: {queued_s:.3f} ms a view queued, {single_s:.3f} ms one by one")  # noqa: T201
 
 
-@pytest.mark.benchmark(group="warp and blend, 512², three sources")
-def test_opencv_remap_three_times_and_add_weighted(benchmark, made, frames):
-    """The peer looks up the same texels of the same maps, and is spared the warp: its coordinates are given."""
-    images = np.array(made.sources.texels).reshape(len(made.viewpoints), N + 2, N + 2, 4)
-    given = iter([_lookups(made, frame) for frame in frames] * 10_000)
-
-    def frame():
-        (i, x0, y0, w0), (j, x1, y1, w1), (k, x2, y2, w2) = next(given)
-        a = cv2.remap(images[i], x0, y0, cv2.INTER_LINEAR)
-        b = cv2.remap(images[j], x1, y1, cv2.INTER_LINEAR)
-        c = cv2.remap(images[k], x2, y2, cv2.INTER_LINEAR)
-        return cv2.addWeighted(cv2.addWeighted(a, w0, b, w1, 0), 1.0, c, w2, 0)
-
-    benchmark.extra_info["opencv"] = cv2.__version__
-    benchmark(frame)
+def _in_turns(contenders, views=VIEWS):
+    """Seconds of each call, the contenders taking turns by blocks; the first round warms up."""
+    seconds = {name: [] for name in contenders}
+    for turn in range(ROUNDS + 1):
+        for name, contender in contenders.items():
+            for view in range(views):
+                start = perf_counter()
+                contender(view)
+                if turn:
+                    seconds[name].append(perf_counter() - start)
+    return seconds
 
 
-@pytest.mark.benchmark(group="warp and blend, 512², three sources")
-def test_copy_of_the_bytes_that_it_must_touch(benchmark):
-    """The floor: three maps read, one written, RGBA float32."""
-    maps = np.ones((2, N, N, 4), dtype=np.float32)
-    copy = np.empty_like(maps)
-    benchmark(lambda: np.copyto(copy, maps))  # 8 MiB read and 8 written: the same 16 MiB
+def _report(benchmark, what, seconds):
+    """Print the medians as ratios, and how even our frames are."""
+    median = {name: float(np.median(s)) for name, s in seconds.items()}
+    evenness = float(np.percentile(seconds["ours"], 99)) / median["ours"]
+    ratios = {name: median[name] / median["ours"] for name in median if name != "ours"}
+    benchmark.extra_info.update(opencv=cv2.__version__, p99_over_p50=evenness, ratios=ratios)
+    print(f"\n{what}: {1e3 * median['ours']:.2f} ms a frame, p99/p50 {evenness:.2f}")  # noqa: T201
+    for name, ratio in ratios.items():
+        print(f"  {name}: {1e3 * median[name]:.2f} ms, {ratio:.2f} of ours")  # noqa: T201
 
 
-def _lookups(made, frame):
+def _frame(made, frame, resolution):
+    dr.eval(made.map(frame, resolution))
+    dr.sync_thread()
+
+
+def _opencv(maps, lookups, into=(None, None, None)):
+    """The peer is spared the warp, the fade and the point location: its coordinates and weights are given."""
+    a, b, c = (
+        cv2.remap(maps[index], x, y, cv2.INTER_LINEAR, dst=out)
+        for (index, x, y, _), out in zip(lookups, into, strict=True)
+    )
+    w = [share for *_, share in lookups]
+    two = cv2.addWeighted(a, w[0], b, w[1], 0, dst=into[0])
+    return cv2.addWeighted(two, 1.0, c, w[2], 0, dst=into[0])
+
+
+def _lookups(made, frame, resolution):
     """For each source of a view: which map, the pixel coordinates in it, and the weight."""
     matrix = mi.Matrix3f(frame.astype(np.float32))
     mixture, warps = made._toward(matrix)
-    n = normal_from_disk(texel_centres(N))
+    n = normal_from_disk(texel_centres(resolution))
     found = []
     for stored, weight, warp in zip(mixture.views, mixture.weights, warps, strict=True):
-        p = np.array(warp(n)[0]).reshape(2, N, N)
-        x, y = (p[0] + 1) * N / 2 + 0.5, (1 - p[1]) * N / 2 + 0.5  # pixel centres, past the border of one
+        p = np.array(warp(n)[0]).reshape(2, resolution, resolution)
+        half = resolution / 2
+        x, y = (p[0] + 1) * half + 0.5, (1 - p[1]) * half + 0.5  # pixel centres, past the border of one
         index, share = int(np.array(stored.index)[0]), float(np.array(weight)[0])
         found.append((index, np.ascontiguousarray(x), np.ascontiguousarray(y), share))
     return found
+
+
+def _bordered(image):
+    """RGBA with a border of one texel: OpenCV is fastest with four channels."""
+    return np.pad(np.dstack([image, np.ones(image.shape[:2], np.float32)]), ((1, 1), (1, 1), (0, 0)), mode="edge")
+
+
+def _check_that_they_look_up_the_same(made, maps, lookups, resolution):
+    index, x, y, _ = lookups[0]
+    half = resolution / 2
+    p = mi.Point2f(((x - 0.5) / half - 1).ravel(), (1 - (y - 0.5) / half).ravel())
+    ours = np.array(made.sources.fetch(mi.UInt32(index), p)).T.reshape(resolution, resolution, 3)
+    theirs = cv2.remap(maps[index], x, y, cv2.INTER_LINEAR)[..., :3]
+    assert np.abs(ours - theirs)[inside(resolution, 0.8)].max() < 0.01
+
+
+def _bytes_touched(resolution):
+    """Three disks of texels read, one square of RGBA float32 written."""
+    return int((3 * np.pi / 4 * TEXEL_BYTES + RGBA_BYTES) * resolution**2)
