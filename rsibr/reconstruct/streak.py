@@ -19,6 +19,7 @@ _REACH = 2.2  # standard deviations that the lookups reach
 _OVERLAP = 0.3  # least width of a lookup over the distance to the next
 _LEAST_COSINE = 1e-3
 _GRAZING = 0.02  # cosine below which a streak grows no longer
+_NARROWEST = 1e-9  # a mirror at a point has no streak at all
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,8 @@ class Streak:
         across = dr.sqrt(sigma * sigma + texel)
         # What the blur of a lookup covers along the plane of incidence is taken off
         along = dr.sqrt(dr.maximum(sigma * sigma + texel / (cosine * cosine) - dr.square(cosine * across), 0))
-        lookups = dr.clip(dr.ceil(self.density * along / (cosine * across)), 1, len(self.spreads) - 1)
+        narrow = dr.maximum(cosine * across, _NARROWEST)
+        lookups = dr.clip(dr.ceil(self.density * along / narrow), 1, len(self.spreads) - 1)
         step, spread = 2 * _REACH / lookups, dr.gather(mi.Float, self.spreads, mi.UInt32(lookups))
         least = _OVERLAP * 2 * step * along
 

@@ -1,0 +1,82 @@
+"""A streak of lookups has the variance of the Gaussian that it stands for, along the plane of incidence and across it."""
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from rsibr.reconstruct.streak import Slant, Streak
+from tests.arrays import to_numpy, unit_vectors, vector
+from tests.microfacet import viewer
+
+COSINES = (0.995, 0.8, 0.5, 0.25, 0.12)
+
+
+def slant(cosine):
+    return Slant.of(mi.Vector3f(0, 0, 1), mi.Vector3f(*viewer(cosine).tolist()))
+
+
+def spread(cosine, sigma, spacing=0.0, streak=None):
+    """Standard deviations of a streak in its plane and across it, its blurs included, and the weight.
+
+    Under a light that is the square of an angle to the mirror direction, whose blur adds its own variance.
+    """
+    streak, surface = streak or Streak.prepared(), slant(cosine)
+    r = np.array([-np.sqrt(1 - cosine**2), 0.0, cosine])
+    across = mi.Vector3f(0, 1, 0)
+    within = mi.Vector3f(*np.cross([0.0, 1.0, 0.0], r).tolist())
+
+    def colour(facet):
+        return 2 * dr.dot(facet, surface.v) * facet - surface.v, mi.Color3f(1)
+
+    def squared(d, width):
+        local = mi.Vector3f(dr.dot(d, surface.x), dr.dot(d, surface.y), d.z)
+        along = dr.atan2(dr.dot(local, within), dr.dot(local, mi.Vector3f(*r.tolist())))
+        return mi.Color3f(along * along + width * width, dr.square(dr.dot(local, across)) + width * width, 0)
+
+    light, weight = streak.gather(surface, mi.Float(sigma), mi.Float(spacing), colour, squared)
+    found = to_numpy(light)[:, 0]
+    return np.sqrt(found[:2]), to_numpy(weight)[0, 0]
+
+
+@pytest.mark.parametrize("cosine", COSINES)
+@pytest.mark.parametrize("sigma", [1e-3, 0.02])
+def test_it_is_twice_sigma_wide_in_the_plane_and_the_cosine_of_that_across(cosine, sigma):
+    (along, across), weight = spread(cosine, sigma)
+    assert weight == pytest.approx(1, rel=1e-5)
+    assert along == pytest.approx(2 * sigma, rel=0.02)
+    assert across == pytest.approx(2 * sigma * cosine, rel=0.02)
+
+
+@pytest.mark.parametrize("cosine", [0.995, 0.8, 0.5, 0.3])  # beyond, 24 lookups leave the streak too wide across
+def test_a_mirror_is_seen_through_the_texel(cosine):
+    """A texel of spacing s has the variance s²/12 of a box, and spans 1/cos θ as many normals toward the rim."""
+    spacing = 0.01
+    (along, across), _ = spread(cosine, 0.0, spacing)
+    box = spacing / np.sqrt(12)
+    assert along == pytest.approx(2 * box / cosine, rel=0.02)
+    assert across == pytest.approx(2 * box * cosine, rel=0.02)
+
+
+def test_a_point_sees_a_mirror_sharp():
+    (along, across), _ = spread(0.5, 0.0)
+    assert along == pytest.approx(0, abs=1e-6)
+    assert across == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("density", "most", "tolerance"), [(0.7, 6, 0.07), (2.0, 24, 0.02), (8.0, 64, 0.02)])
+def test_few_lookups_have_the_variance_of_many(density, most, tolerance):
+    (along, _), _ = spread(0.25, 0.02, streak=Streak.prepared(density, most))
+    assert along == pytest.approx(0.04, rel=tolerance)
+
+
+def test_a_slant_is_an_orthonormal_frame_with_the_viewer_in_its_plane(rng):
+    n, v = unit_vectors(rng, 2000), unit_vectors(rng, 2000)
+    v *= np.sign((n * v).sum(1, keepdims=True))
+    v[:3], v[3:6] = n[:3], n[3:6] + 1e-6  # head-on, where every plane is one of incidence
+    v /= np.linalg.norm(v, axis=1, keepdims=True)
+    made = Slant.of(vector(n), vector(v))
+    frame = np.stack([to_numpy(axis).T for axis in (made.x, made.y, made.n)], axis=2)
+    assert np.abs(np.swapaxes(frame, 1, 2) @ frame - np.eye(3)).max() < 3e-5
+    far = (n * v).sum(1) > 1e-2
+    assert np.abs(to_numpy(made.to_world(made.v)).T - v)[far].max() < 1e-5
