@@ -110,7 +110,7 @@ def _clusters(energy: list[float]) -> list[list[int]]:
             groups[-1].append(i)
         else:
             groups.append([i])
-    return (matte + _merged(groups, energy, LEAST_SHARE * total)) or [[0]]
+    return [*matte, *reversed(_merged(groups, energy, LEAST_SHARE * total))] or [[0]]
 
 
 def _merged(groups: list[list[int]], energy: list[float], least: float) -> list[list[int]]:
