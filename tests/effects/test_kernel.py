@@ -32,7 +32,7 @@ def test_a_mixture_has_the_density_of_ggx(alpha):
     error = np.abs(density(slope, bare.sigmas, bare.plain[:, 1]) / ggx_density(slope, alpha) - 1)
     assert error[slope < 1].max() < (0.06 if alpha < 0.4 else 0.1)
     assert error.max() < 0.2
-    assert error.mean() < 0.03
+    assert error.mean() < 0.04
     assert bare.plain.sum(axis=0) == pytest.approx([1] * 3, abs=0.02 + 0.15 * alpha**2)  # steeper ones are cut off
     assert not bare.grazing.any()
 
@@ -41,7 +41,7 @@ def test_a_sum_of_lobes_is_a_sum_of_densities():
     kernel = lobe((0.03, 2 * PLAIN), (0.15, 0.5 * PLAIN))
     slope = np.geomspace(3e-3, 0.9, 500)
     wanted = 2 * ggx_density(slope, 0.03) + 0.5 * ggx_density(slope, 0.15)
-    assert np.abs(density(slope, kernel.bare.sigmas, kernel.bare.plain[:, 0]) / wanted - 1).max() < 0.06
+    assert np.abs(density(slope, kernel.bare.sigmas, kernel.bare.plain[:, 0]) / wanted - 1).max() < 0.12
 
 
 def test_terms_stay_apart():
