@@ -1,4 +1,4 @@
-"""GGX lobes by brute force in float64: what the model of a lobe has to come near, written without the code under test."""
+"""GGX lobes by brute force in float64: what the model of a lobe has to come near, without the code under test."""
 
 import numpy as np
 
@@ -72,7 +72,7 @@ def viewer(cosine):
     return np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
 
 
-def metal(sky, n, v, alpha, fresnel=lambda toward: np.ones_like(toward)):
+def metal(sky, n, v, alpha, fresnel=np.ones_like):
     """Radiance (K, 3) of a GGX metal under `sky`, (..., 3) → (..., 3), and its directional albedo (K,)."""
     h = facets(alpha)
     radiance, albedo = [], []

@@ -106,7 +106,7 @@ def test_weights_under_a_coat_follow_brute_force():
     weight = total_weight(0.3, COATED)[AT]
     v = np.array([viewer(min(cosine, 0.9999)) for cosine in cosines()[AT]])  # head-on has no plane of incidence
     n = np.tile([0.0, 0.0, 1.0], (len(v), 1))
-    _, albedo = by_quadrature(lambda d: np.ones_like(d), n, v, lambda wi, wo: coated_ggx(wi, wo, 0.3))
+    _, albedo = by_quadrature(np.ones_like, n, v, lambda wi, wo: coated_ggx(wi, wo, 0.3))
     assert weight / weight[-1] == pytest.approx(albedo / albedo[-1], rel=0.04)
 
 

@@ -77,7 +77,9 @@ def test_a_metal_is_one_bare_lobe_of_its_roughness():
 
 
 def test_two_metals_of_unlike_roughness_are_two_lobes():
-    rough, smooth = ({"type": "roughconductor", "material": "none", "alpha": a, "distribution": "ggx"} for a in (0.3, 0.02))
+    rough, smooth = (
+        {"type": "roughconductor", "material": "none", "alpha": a, "distribution": "ggx"} for a in (0.3, 0.02)
+    )
     lobes = fit_lobes(mi.load_dict({"type": "blendbsdf", "weight": 0.5, "a": rough, "b": smooth}))
     assert [lobe.alpha for lobe in lobes if not lobe.is_matte] == pytest.approx([0.3, 0.02], rel=0.25)
 

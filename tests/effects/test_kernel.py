@@ -26,7 +26,7 @@ def ggx_density(slope, alpha):
 
 @pytest.mark.parametrize("alpha", [0.01, 0.05, 0.2, 0.5])
 def test_a_mixture_has_the_density_of_ggx(alpha):
-    """Over four decades of it: from the core to slopes of 1, 45° off the normal; roughly on to 3, where it carries 1e-3."""
+    """Over four decades: from the core to slopes of 1, 45° off the normal; roughly on to 3, where it carries 1e-3."""
     bare = lobe((alpha, PLAIN)).bare
     slope = np.geomspace(0.1 * alpha, min(3, 30 * alpha), 500)
     error = np.abs(density(slope, bare.sigmas, bare.plain[:, 1]) / ggx_density(slope, alpha) - 1)

@@ -50,7 +50,9 @@ def test_direction_and_square_are_inverse_both_ways(rng):
 
 def test_directions_of_any_length_have_the_same_point(rng):
     d = unit_vectors(rng, 1000)
-    assert np.abs(to_numpy(square_from_direction(vector(7 * d))) - to_numpy(square_from_direction(vector(d)))).max() < 3e-7
+    assert (
+        np.abs(to_numpy(square_from_direction(vector(7 * d))) - to_numpy(square_from_direction(vector(d)))).max() < 3e-7
+    )
 
 
 def test_z_is_in_the_middle_and_its_opposite_in_the_corners():

@@ -1,4 +1,4 @@
-"""The facet pyramid: each level is the mirrored light through a Gaussian of the stated width, and their sum is theirs."""
+"""The facet pyramid: each level is the mirrored light through a Gaussian of the stated width; together their sum."""
 
 import mitsuba as mi
 import numpy as np
@@ -61,7 +61,9 @@ def test_texels_span_the_angle_that_two_neighbours_are_apart():
 
 def test_a_lookup_gives_texels_back_and_is_linear_between():
     p = to_numpy(facet_texels(G, border=1)).T
-    texels = mi.Float(np.stack([p[:, 0], p[:, 1], p[:, 0] - 2 * p[:, 1], 1 + 0 * p[:, 0]], axis=1).astype(np.float32).ravel())
+    texels = mi.Float(
+        np.stack([p[:, 0], p[:, 1], p[:, 0] - 2 * p[:, 1], 1 + 0 * p[:, 0]], axis=1).astype(np.float32).ravel()
+    )
     turn = np.linspace(0, 2 * np.pi, 200)
     q = np.stack([np.cos(turn), np.sin(turn)], axis=1) * np.linspace(0, 1, 200)[:, None]
     found = to_numpy(lookup(texels, G, point(q))).T

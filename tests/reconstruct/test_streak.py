@@ -1,4 +1,4 @@
-"""A streak of lookups has the variance of the Gaussian that it stands for, along the plane of incidence and across it."""
+"""A streak of lookups has the variance of the Gaussian that it stands for, in the plane of incidence and across it."""
 
 import drjit as dr
 import mitsuba as mi
