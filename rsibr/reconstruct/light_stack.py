@@ -151,7 +151,7 @@ class LightStack:
 
 
 def _blocks(light: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Merge texels into a few thousand blocks: radiance times solid angle, solid angle, where it comes from in the mean.
+    """Merge texels into a few thousand blocks: radiance times solid angle, solid angle, and mean direction.
 
     All of shape (blocks, 3).
     """
@@ -161,7 +161,7 @@ def _blocks(light: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np
     directions = np.array(texel_directions(len(light)), dtype=np.float64).T
 
     def merged(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return values.reshape(count, side, count, side, 3).sum(axis=(1, 3)).reshape(-1, 3)
+        return np.asarray(values.reshape(count, side, count, side, 3).sum(axis=(1, 3)).reshape(-1, 3))
 
     radiance = light.reshape(-1, 3) * angles
     brightness = radiance.sum(axis=1, keepdims=True)

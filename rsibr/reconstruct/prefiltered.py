@@ -106,10 +106,12 @@ class PrefilteredLobes:
         world = frame @ n
         for irradiance, albedo in self.matte:
             radiance += _colour(albedo.at(n.z)) * irradiance.fetch(world, mi.UInt32(0))
-        return radiance if self.sharp is None else radiance + self._sharp(world, frame, n.z, spacing)
+        if self.sharp is None:
+            return radiance
+        return radiance + self._sharp_light(world, frame, self.sharp.at(n.z), spacing)
 
-    def _sharp(self, n: mi.Vector3f, frame: mi.Matrix3f, cosine: mi.Float, spacing: mi.Float) -> mi.Color3f:
-        weight = self.sharp.at(cosine)
+    def _sharp_light(self, n: mi.Vector3f, frame: mi.Matrix3f, weight: mi.Vector4f, spacing: mi.Float) -> mi.Color3f:
+        """Light of what is narrower than the first level, by its weight and width."""
         slant = Slant.of(n, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
 
         def colour(facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Color3f]:

@@ -1,7 +1,7 @@
 """The light of a narrow Gaussian of facets, seen at an angle: a streak around the mirror direction.
 
-It is as wide as 2σ in the plane of incidence and 2σ cos θ across it, and is looked up at a few places from end to end in
-a light that is blurred as much as the streak is narrow.
+It is as wide as 2σ in the plane of incidence and 2σ cos θ across it, and is looked up at a few places from end to end
+in a light that is blurred as much as the streak is narrow.
 """
 
 from __future__ import annotations
