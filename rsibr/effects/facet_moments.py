@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.effects.kernel import LobeKernel
+from rsibr.effects.kernel import Gaussians, LobeKernel
 from rsibr.effects.proxy import COAT_IOR
 
 NODES = 33

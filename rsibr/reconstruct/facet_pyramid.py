@@ -35,7 +35,7 @@ def finest_resolution(resolution: int) -> int:
     Half of N, but not below 96 nor above 256, and a multiple of 16: what is narrower than its texels is looked up in
     the light itself.
     """
-    unit = 2 ** (LEVELS - 1)
+    unit: int = 2 ** (LEVELS - 1)
     least, most = _COARSEST
     return unit * min(max(round(0.5 * resolution / unit), least), most)
 
