@@ -23,7 +23,7 @@ from rsibr.effects.proxy import COAT_IOR, refracted, schlick, transmitted
 from rsibr.geometry.resident import resident
 from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.polar_grid import PolarGrid
-from rsibr.reconstruct.streak import Slant, Streak
+from rsibr.reconstruct.streak import Slant, Streak, spreads_of_lookups
 
 WIDE = 0.12
 """Standard deviation of slopes from which on a Gaussian is gathered at the nodes of the coarse grid."""
@@ -84,8 +84,8 @@ class LobeModel:
         Narrow Gaussians: (σ, 0, 0) and the weights.
     bare, coated : Rows
         Quadrature points of wide Gaussians, on the surface and under a coat: (slope x, slope y, area) and the weights.
-    streak : Streak
-        How a narrow Gaussian is looked up.
+    spreads : mi.Float
+        See `rsibr.reconstruct.streak.spreads_of_lookups`.
     """
 
     light: LightStack
@@ -94,7 +94,7 @@ class LobeModel:
     narrow: Rows
     bare: Rows
     coated: Rows
-    streak: Streak
+    spreads: mi.Float
 
     @classmethod
     def of(cls, kernel: LobeKernel, stack: LightStack, light: NDArray[np.float32]) -> LobeModel:
@@ -118,7 +118,7 @@ class LobeModel:
             narrow=Rows.of(widths, narrow.plain, narrow.grazing),
             bare=_quadrature(kernel.bare.between(WIDE, np.inf)),
             coated=_quadrature(kernel.coated),
-            streak=Streak.prepared(),
+            spreads=spreads_of_lookups(),
         )
 
     @property
@@ -183,7 +183,7 @@ class LobeModel:
                 w, factor, grazed = self._reflected(slant.v, facet)
                 return w, factor * (plain + grazing * grazed)
 
-            a, b = self.streak.gather(slant, sigma.x, spacing, colour, self.light.blurred)
+            a, b = Streak.of(slant, sigma.x, spacing).gather(self.spreads, colour, self.light.blurred)
             return i + 1, light + a, weight + b
 
         _, light, weight = dr.while_loop(
