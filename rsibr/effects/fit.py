@@ -29,6 +29,10 @@ MOST_GLOSSY = 2
 LEAST_SHARE = 5e-3
 """Share of the reflected energy below which a fitted lobe joins its neighbour."""
 
+ALL_BUT_MATTE = 0.35, 0.05
+"""Roughness from which on a fitted lobe joins the matte one, and share of the energy up to which it does: it mends the
+matte stand-in rather than being a lobe of its own."""
+
 _TINY = 1e-12
 _DRAWS = 128
 _PROBED = (0.004, 0.02, 0.07, 0.25, 0.7)  # widths at which light directions are drawn: dense wherever a lobe may be
@@ -110,22 +114,27 @@ def _clusters(energy: list[float]) -> list[list[int]]:
             groups[-1].append(i)
         else:
             groups.append([i])
-    return [*matte, *reversed(_merged(groups, energy, LEAST_SHARE * total))] or [[0]]
+    glossy = _merged(groups, energy, LEAST_SHARE * total)
+    roughness, share = ALL_BUT_MATTE
+    while matte and glossy and ROUGHNESSES[glossy[-1][0]] >= roughness and _carried(glossy[-1], energy) < share * total:
+        matte[0] += glossy.pop()
+    return [*matte, *reversed(glossy)] or [[0]]
+
+
+def _carried(group: list[int], energy: list[float]) -> float:
+    return sum(energy[i] for i in group)
 
 
 def _merged(groups: list[list[int]], energy: list[float], least: float) -> list[list[int]]:
     """Let faint groups join the nearest, and then the nearest join one another, until few enough are left."""
-
-    def carried(group: list[int]) -> float:
-        return sum(energy[i] for i in group)
 
     def centre(group: list[int]) -> float:
         return float(np.average(np.log([ROUGHNESSES[i] for i in group]), weights=[energy[i] for i in group]))
 
     while len(groups) > 1:
         gaps = [centre(b) - centre(a) for a, b in pairwise(groups)]
-        faintest = int(np.argmin([carried(group) for group in groups]))
-        if carried(groups[faintest]) < least:
+        faintest = int(np.argmin([_carried(group, energy) for group in groups]))
+        if _carried(groups[faintest], energy) < least:
             left = (
                 faintest - 1
                 if faintest == len(gaps) or (faintest > 0 and gaps[faintest - 1] < gaps[faintest])

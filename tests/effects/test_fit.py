@@ -4,7 +4,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.effects.fit import LEAST_SHARE, MOST_GLOSSY, fit_lobes
+from rsibr.effects.fit import ALL_BUT_MATTE, LEAST_SHARE, MOST_GLOSSY, fit_lobes
+from rsibr.effects.kernel import LobeKernel
+from rsibr.effects.proxy import LAMBERT
 from rsibr.scene.config import MaterialConfig
 from rsibr.scene.material import load_material
 
@@ -94,6 +96,15 @@ def test_a_third_metal_joins_its_nearest_neighbour():
     assert len(glossy) == 2
     assert min(glossy[0].alphas) < 0.13 < max(glossy[0].alphas)
     assert glossy[1].alpha == pytest.approx(0.01, rel=0.3)
+
+
+def test_what_mends_a_matte_base_is_no_lobe_of_its_own():
+    """The base under a smooth coat is dimmed by Fresnel's terms, the stand-in by Schlick's: a wide lobe mends it."""
+    (lobe,) = fit_lobes(mi.load_dict({"type": "plastic", "diffuse_reflectance": 0.5}))
+    assert lobe.is_matte
+    assert lobe.alpha == LAMBERT
+    assert all(alpha >= ALL_BUT_MATTE[0] for alpha in lobe.alphas[1:])
+    assert LobeKernel.of(lobe).is_matte
 
 
 def test_a_trace_of_a_lobe_does_not_get_a_layer():

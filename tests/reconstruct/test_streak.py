@@ -5,7 +5,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.reconstruct.streak import Slant, Streak
+from rsibr.reconstruct.streak import Slant, Streak, spreads_of_lookups
 from tests.arrays import to_numpy, unit_vectors, vector
 from tests.microfacet import viewer
 
@@ -16,27 +16,30 @@ def slant(cosine):
     return Slant.of(mi.Vector3f(0, 0, 1), mi.Vector3f(*viewer(cosine).tolist()))
 
 
-def spread(cosine, sigma, spacing=0.0, streak=None):
-    """Standard deviations of a streak in its plane and across it, its blurs included, and the weight.
+def squared_angles(cosine):
+    """A light that is the square of an angle to the mirror direction, in the plane and across: a blur adds its own."""
+    surface = slant(cosine)
+    r = mi.Vector3f(-np.sqrt(1 - cosine**2).item(), 0, cosine)
+    within, across = mi.Vector3f(cosine, 0, np.sqrt(1 - cosine**2).item()), mi.Vector3f(0, 1, 0)
 
-    Under a light that is the square of an angle to the mirror direction, whose blur adds its own variance.
-    """
-    streak, surface = streak or Streak.prepared(), slant(cosine)
-    r = np.array([-np.sqrt(1 - cosine**2), 0.0, cosine])
-    across = mi.Vector3f(0, 1, 0)
-    within = mi.Vector3f(*np.cross([0.0, 1.0, 0.0], r).tolist())
+    def squared(d, width):
+        local = mi.Vector3f(dr.dot(d, surface.x), dr.dot(d, surface.y), d.z)
+        along = dr.atan2(dr.dot(local, within), dr.dot(local, r))
+        return mi.Color3f(along * along + width * width, dr.square(dr.dot(local, across)) + width * width, 0)
+
+    return surface, squared
+
+
+def spread(cosine, sigma, spacing=0.0):
+    """Standard deviations of a streak in its plane and across it, its blurs included, and the weight."""
+    surface, squared = squared_angles(cosine)
 
     def colour(facet):
         return 2 * dr.dot(facet, surface.v) * facet - surface.v, mi.Color3f(1)
 
-    def squared(d, width):
-        local = mi.Vector3f(dr.dot(d, surface.x), dr.dot(d, surface.y), d.z)
-        along = dr.atan2(dr.dot(local, within), dr.dot(local, mi.Vector3f(*r.tolist())))
-        return mi.Color3f(along * along + width * width, dr.square(dr.dot(local, across)) + width * width, 0)
-
-    light, weight = streak.gather(surface, mi.Float(sigma), mi.Float(spacing), colour, squared)
-    found = to_numpy(light)[:, 0]
-    return np.sqrt(found[:2]), to_numpy(weight)[0, 0]
+    streak = Streak.of(surface, mi.Float(sigma), mi.Float(spacing))
+    light, weight = streak.gather(spreads_of_lookups(), colour, squared)
+    return np.sqrt(to_numpy(light)[:2, 0]), to_numpy(weight)[0, 0]
 
 
 @pytest.mark.parametrize("cosine", COSINES)
@@ -64,10 +67,20 @@ def test_a_point_sees_a_mirror_sharp():
     assert across == pytest.approx(0, abs=1e-6)
 
 
-@pytest.mark.parametrize(("density", "most", "tolerance"), [(0.7, 6, 0.07), (2.0, 24, 0.02), (8.0, 64, 0.02)])
-def test_few_lookups_have_the_variance_of_many(density, most, tolerance):
-    (along, _), _ = spread(0.25, 0.02, streak=Streak.prepared(density, most))
-    assert along == pytest.approx(0.04, rel=tolerance)
+@pytest.mark.parametrize("cosine", COSINES)
+def test_two_places_have_the_variance_in_the_plane(cosine):
+    """Gauss and Hermite's rule; the blur of a lookup bridges them, and so adds to it, and widens a long streak."""
+    surface, squared = squared_angles(cosine)
+    streak = Streak.of(surface, mi.Float(0.02), mi.Float(0))
+    along, across = np.sqrt(to_numpy(streak.at_two_places(squared))[:2, 0])
+    assert 0.04 * 0.97 < along < 0.04 * 1.04
+    assert across == pytest.approx(max(0.04 * cosine, 0.5 * to_numpy(streak.along)[0]), rel=0.03)
+
+
+def test_two_places_of_a_mirror_are_one():
+    surface, _ = squared_angles(0.5)
+    mirrored = Streak.of(surface, mi.Float(0), mi.Float(0)).at_two_places(lambda d, width: mi.Color3f(d.x, d.z, width))
+    assert to_numpy(mirrored)[:, 0] == pytest.approx([-np.sqrt(0.75), 0.5, 0], abs=1e-6)
 
 
 def test_a_slant_is_an_orthonormal_frame_with_the_viewer_in_its_plane(rng):
