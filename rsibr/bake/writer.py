@@ -17,6 +17,7 @@ from rsibr.bake.directory import claim_directory, entries, is_whole, lock_direct
 from rsibr.bake.health import map_health
 from rsibr.bake.manifest import MANIFEST_NAME, MAPS_NAME, Manifest, ViewState, read_manifest, write_manifest
 from rsibr.bake.map_file import MapFile, write_map
+from rsibr.effects.plan import Plan
 from rsibr.errors import BakeError
 
 _MAP_PATTERN = re.compile(r"view_\d{4,}\.exr")
@@ -115,6 +116,10 @@ class BakeWriter:
         size, health = file.stat().st_size, map_health(map_file).record()
         done = state.finished(sha256=sha256, seconds=float(seconds), size=size, health=health)
         self._record(self.manifest.with_views(done))
+
+    def record_plan(self, plan: Plan) -> None:
+        """Put the plan into the manifest in place of the one that the bake began with: now its costs are known."""
+        self._record(self.manifest.model_copy(update={"plan": plan}))
 
     def close(self) -> None:
         """Give the directory free for another writer."""
