@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 from typing import Any
@@ -21,10 +22,10 @@ from rsibr.scene.config import Config
 MAX_LANES = 2**19
 """Samples of a trial: enough to keep the cores busy, a tenth of a second of them."""
 
-RUNS = 3
+RUNS = 5
 """Timed runs, after the one that compiles; the shortest counts, for only others' work makes one longer."""
 
-SOURCE = "calibrated: the shortest of 3 launches of each kernel on this machine, scaled to the samples of the bake"
+SOURCE = "calibrated: the shortest of 5 launches of each kernel on this machine, scaled to the samples of the bake"
 
 
 def calibrate(
@@ -52,32 +53,33 @@ def calibrate(
         return SphereIntegrator(emitter, bsdf, config.map.resolution, lobes, config.sampling.clamp, scope)
 
     planned = built(scope, split)
-    apart = len(planned.lobe_names) > 1
-    return Costs(
-        views=views,
-        lobes=len(planned.lobe_names),
-        seconds=_map_seconds(planned, config),
-        bytes=_map_bytes(planned),
-        one_lobe=_map_seconds(built(replace(scope, left_out=()), None), config) if apart else None,
-        other_colour=_map_seconds(built(replace(scope, grey=not scope.grey), split), config),
-        other_sampling=_map_seconds(built(replace(scope, light_samples=not scope.light_samples), split), config),
-        source=SOURCE,
-    )
+    kernels = {
+        "seconds": planned,
+        "other_colour": built(replace(scope, grey=not scope.grey), split),
+        "other_sampling": built(replace(scope, light_samples=not scope.light_samples), split),
+    }
+    if len(planned.lobe_names) > 1:
+        kernels["one_lobe"] = built(replace(scope, left_out=()), None)
+    seconds = _map_seconds(kernels, config)
+    return Costs(views=views, lobes=len(planned.lobe_names), bytes=_map_bytes(planned), source=SOURCE, **seconds)
 
 
-def _map_seconds(integrator: SphereIntegrator, config: Config) -> float:
-    """Seconds of a map, from launches of no more than `MAX_LANES` samples."""
+def _map_seconds(kernels: dict[str, SphereIntegrator], config: Config) -> dict[str, float]:
+    """Seconds of a map by each kernel, from launches of no more than `MAX_LANES` samples."""
     blocks = block_sizes(config.sampling.samples)
-    texels = int(np.count_nonzero(integrator.coverage))
+    texels = int(np.count_nonzero(next(iter(kernels.values())).coverage))
     samples = max(1, min(blocks[0], MAX_LANES // texels))
     frame = view_frame(np.array([1.0, 2.0, 3.0]))
-    seconds: list[float] = []
-    for run in range(1 + RUNS):
-        start = time.perf_counter()
-        integrator.block(frame, samples, np.random.SeedSequence(run))
-        backend.synchronize()
-        seconds.append(time.perf_counter() - start)
-    return min(seconds[1:]) * stratified(blocks[0]) * len(blocks) / stratified(samples)
+    shortest = dict.fromkeys(kernels, math.inf)
+    for run in range(-1, RUNS):  # in turn: a machine that is busy for a while is so for all of them
+        for name, kernel in kernels.items():
+            start = time.perf_counter()
+            kernel.block(frame, samples, np.random.SeedSequence(run + 1))
+            backend.synchronize()
+            if run >= 0:
+                shortest[name] = min(shortest[name], time.perf_counter() - start)
+    scale = stratified(blocks[0]) * len(blocks) / stratified(samples)
+    return {name: seconds * scale for name, seconds in shortest.items()}
 
 
 def _map_bytes(integrator: SphereIntegrator) -> int:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from statistics import median
 
 import mitsuba as mi
+import numpy as np
 
 from rsibr.bake.integrator import Scope
 from rsibr.bake.manifest import Manifest
 from rsibr.bake.pilot import sampling_ratio
 from rsibr.effects.lobes import Lobe, LobeSplit
+from rsibr.effects.material_probe import over_disk
 from rsibr.effects.plan import Plan
 from rsibr.effects.plan_costs import Costs
 from rsibr.effects.planner import make_plan, probe_scene
@@ -39,8 +42,14 @@ def scope_of(plan: Plan) -> Scope:
 
 
 def planned_lobes(split: LobeSplit | None, plan: Plan) -> list[Lobe]:
-    """Lobes that the bake stores; none where they are not kept apart."""
-    return [lobe for lobe in (split.lobes if split else ()) if lobe.name not in plan.left_out]
+    """Lobes that the bake stores; none where they are not kept apart.
+
+    Where `effects.fresnel` is forced off each has one albedo for all angles: a reconstruction carries nothing.
+    """
+    kept = [lobe for lobe in (split.lobes if split else ()) if lobe.name not in plan.left_out]
+    if plan["fresnel"].forced != "off":
+        return kept
+    return [replace(lobe, albedo=np.broadcast_to(over_disk(lobe.albedo), lobe.albedo.shape)) for lobe in kept]
 
 
 def baked_costs(manifest: Manifest) -> Costs:

@@ -119,6 +119,8 @@ class Plan:
         Whether directions are drawn from the light beside those from the BSDF.
     resolution : int
         Texels a side of the maps.
+    seconds, bytes
+        Of the whole bake as planned; None where not measured.
     probe_seconds : float
         Time that looking at the material and the light took.
     costs_from : str
@@ -133,6 +135,8 @@ class Plan:
     grey: bool
     light_samples: bool
     resolution: int
+    seconds: float | None
+    bytes: int | None
     probe_seconds: float
     costs_from: str
 

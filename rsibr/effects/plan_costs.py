@@ -50,7 +50,8 @@ def priced(plan: Plan, costs: Costs, asked_resolution: int) -> Plan:
         Texels a side that the config asked for.
     """
     effects = tuple(_priced(effect, plan, costs, asked_resolution) for effect in plan.effects)
-    return replace(plan, effects=effects, costs_from=costs.source)
+    whole = {"seconds": costs.views * costs.seconds, "bytes": costs.views * costs.bytes}
+    return replace(plan, effects=effects, **whole, costs_from=costs.source)
 
 
 def _priced(effect: Effect, plan: Plan, costs: Costs, asked: int) -> Effect:
@@ -66,7 +67,7 @@ def _priced(effect: Effect, plan: Plan, costs: Costs, asked: int) -> Effect:
             seconds, size = _of_a_lobe(plan, costs)
         case "colour":
             seconds, size = _apart(effect.on, costs, costs.other_colour), _of_colour(plan, costs)
-        case "sun":
+        case "light_sampling":
             seconds, size = _apart(effect.on, costs, costs.other_sampling), 0
         case "resolution":
             # What is on costs what half the resolution would not; what is off saves all beyond its own

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from rsibr.effects.light_probe import SMALL, LightProbe
 from rsibr.effects.lobes import Lobe
-from rsibr.effects.material_probe import LobeProbe
+from rsibr.effects.material_probe import LobeProbe, MaterialProbe
 from rsibr.effects.plan import NEGLIGIBLE, Effect, decided, number
 from rsibr.effects.plan_resolution import LEAST_RESOLUTION, sufficient_resolution
 from rsibr.scene.config import EffectsConfig
@@ -39,13 +39,19 @@ def is_even(light: LightProbe) -> bool:
     return light.variance <= EVEN
 
 
-def sun_effect(light: LightProbe, sampling_ratio: float | None, settings: EffectsConfig, clamp: float | None) -> Effect:
+def sampling_effect(
+    light: LightProbe,
+    material: MaterialProbe,
+    sampling_ratio: float | None,
+    settings: EffectsConfig,
+    clamp: float | None,
+) -> Effect:
     """Whether directions are drawn from the light beside those from the BSDF, as a sun or a lamp needs it.
 
     Parameters
     ----------
-    light : LightProbe
-        The environment.
+    light, material
+        What was measured.
     sampling_ratio : float or None
         Variance by the BSDF's samples alone over that by both, measured; None where the sky is uneven: a sun that no
         sample of the pilot hit would make it a lie.
@@ -58,16 +64,16 @@ def sun_effect(light: LightProbe, sampling_ratio: float | None, settings: Effect
     if clamp is not None:
         policy = f"light and BSDF are both sampled; samples above {clamp:g} are clamped as asked, and darken the maps"
     share = f"{number(100 * light.peak_share)} % of the light from the brightest {100 * SMALL:g} % of the sphere"
-    if sampling_ratio is None:
-        return decided(
-            "sun", settings.sun, light.variance, EVEN, "relative variance of the radiance",
-            f"{share}: {policy}", "there is no light",
-        )  # fmt: skip
-    return decided(
-        "sun", settings.sun, sampling_ratio, NO_NOISIER, "times the variance with the BSDF's samples alone",
-        f"the sky is even, but the light's samples lower the noise: {policy}",
-        f"the sky is even (relative variance {number(light.variance)}): the BSDF's samples alone are no noisier",
-    )  # fmt: skip
+    evidence, threshold, unit = light.variance, EVEN, "relative variance of the radiance"
+    why_on, why_off = f"a sun or lamps, {share}: {policy}", "there is no light"
+    if all(lobe.kind == "mirror" for lobe in material.lobes):
+        evidence, why_off = 0.0, "a perfect mirror is met by no sample of the light"
+    elif sampling_ratio is not None:
+        evidence, threshold, unit = sampling_ratio, NO_NOISIER, "times the variance with the BSDF's samples alone"
+        why_on = f"the sky is even, but the light's samples lower the noise: {policy}"
+        even = f"relative variance of the radiance {number(light.variance)}"
+        why_off = f"the sky is even ({even}): the BSDF's samples alone are no noisier"
+    return decided("light_sampling", settings.light_sampling, evidence, threshold, unit, why_on, why_off)
 
 
 def resolution_effect(
@@ -78,20 +84,22 @@ def resolution_effect(
     Returns
     -------
     effect : Effect
-        "resolution", on where the maps keep all their texels.
+        On where the maps keep all their texels.
     resolution : int
         Texels a side that the bake takes.
     """
-    lower, error = sufficient_resolution(lobes, probes, light, resolution.asked, NEGLIGIBLE)
-    half = max(LEAST_RESOLUTION, resolution.asked // 2)
-    forced = settings.resolution
-    if forced == "auto" and resolution.explicit and lower < resolution.asked:
-        why = f"{lower}² texels would do (relMSE {number(error)}), but the config asks for {resolution.asked}²"
-        kept = Effect("resolution", True, None, error, NEGLIGIBLE, f"relMSE of a map of {lower}²", why)
-        return kept, resolution.asked
+    asked, half = resolution.asked, max(LEAST_RESOLUTION, resolution.asked // 2)
+    if half >= asked:
+        why = f"maps of {asked}² are not lowered"
+        return decided("resolution", "auto", 1.0, NEGLIGIBLE, f"relMSE of a map of {half}²", why, ""), asked
+    lower, error = sufficient_resolution(lobes, probes, light, asked, NEGLIGIBLE)
+    unit = f"relMSE of a map of {min(lower, half)}², by a model of it"
+    if settings.resolution == "auto" and resolution.explicit and lower < asked:
+        why = f"{lower}² texels would do, but the config asks for {asked}²"
+        return Effect("resolution", True, None, error, NEGLIGIBLE, unit, why, error_if_left_out=error), asked
     effect = decided(
-        "resolution", forced, min(error, 1.0), NEGLIGIBLE, f"relMSE of a map of {min(lower, half)}²",
-        f"a map of {half}² would be too coarse", f"maps of {lower}² hold all that this light casts",
+        "resolution", settings.resolution, min(error, 1.0), NEGLIGIBLE, unit,
+        f"maps of {half}² would be too coarse", f"maps of {lower}² hold all that this light casts",
         error_if_left_out=min(error, 1.0),
     )  # fmt: skip
-    return effect, resolution.asked if effect.on else min(lower, half)
+    return effect, asked if effect.on else min(lower, half)

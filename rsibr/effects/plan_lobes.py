@@ -103,6 +103,9 @@ def lobe_maps(lobe: LobeProbe, lobes: tuple[LobeProbe, ...], light: LightProbe, 
     if not needed:
         why = _closed_form(lobe, light) if error <= NEGLIGIBLE else "forced off: the nearest closed form stands in"
         return LobePlan(lobe.name, False, 0, error, NEGLIGIBLE, why)
+    if lobe.kind == "diffuse":
+        why = f"warped by the normal: its shape is not quite Lambert's (off by {number(lobe.shape_error)}, relative)"
+        return LobePlan(lobe.name, True, VIEW_COUNTS[0], error, NEGLIGIBLE, why)
     views = next(
         (count for count in VIEW_COUNTS if interpolation_error(lobe, lobes, light, count) <= _ENOUGH), VIEW_COUNTS[-1]
     )

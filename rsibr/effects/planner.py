@@ -15,7 +15,7 @@ from rsibr.effects.material_probe import LobeProbe, MaterialProbe, probe_materia
 from rsibr.effects.plan import Effect, Plan, unique
 from rsibr.effects.plan_colour import colour_effect, polarisation_effect, spectral_effect
 from rsibr.effects.plan_flags import flag_effects, use_effects
-from rsibr.effects.plan_light import Resolution, is_even, resolution_effect, sun_effect
+from rsibr.effects.plan_light import Resolution, is_even, resolution_effect, sampling_effect
 from rsibr.effects.plan_lobes import effect_of, fresnel_effect, lobe_effects, lobe_maps, view_effect
 from rsibr.errors import InputError
 from rsibr.scene.config import Config
@@ -96,11 +96,11 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     asked = Resolution(config.map.resolution, "resolution" in config.map.model_fields_set)
     full, resolution = resolution_effect(probes.split.lobes, material.lobes, light, asked, settings)
     colour = colour_effect(material, light, settings)
-    sun = sun_effect(light, sampling_ratio, settings, config.sampling.clamp)
-    if settings.sun == "off" and light.variance == UNRESOLVED:
+    sampling = sampling_effect(light, material, sampling_ratio, settings, config.sampling.clamp)
+    if settings.light_sampling == "off" and light.variance == UNRESOLVED:
         raise InputError(
             "'off' would leave out the whole light: no sample of the BSDF hits a source without extent",
-            where="effects.sun",
+            where="effects.light_sampling",
             fix='leave it at "auto"',
         )
     effects = unique(
@@ -111,7 +111,7 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
             colour,
             spectral_effect(*_given(config)),
             polarisation_effect(),
-            sun,
+            sampling,
             full,
             *flag_effects(material),
             *use_effects(),
@@ -123,9 +123,11 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
         lobes=tuple(lobe_maps(lobe, material.lobes, light, settings.view_dependence) for lobe in kept),
         left_out=left_out,
         grey=not colour.on,
-        light_samples=sun.on,
+        light_samples=sampling.on,
         resolution=resolution,
         probe_seconds=probes.seconds + time.perf_counter() - start,
+        seconds=None,
+        bytes=None,
         costs_from=NOT_MEASURED,
     )
 

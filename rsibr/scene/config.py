@@ -211,11 +211,11 @@ class EffectsConfig(_Section):
         Whether the albedo of each lobe goes with the surface's angle when a map is reconstructed.
     colour : Switch
         Three channels; off: the red one stands for all.
-    sun : Switch
-        Whether directions are drawn from the light beside those from the BSDF.
+    light_sampling : Switch
+        Whether directions are drawn from the light beside those from the BSDF, as a sun needs it.
     resolution : Switch
-        Whether maps keep all their texels; off: as few as the evidence allows, half of what was asked at least.
-        `auto` lowers only what the config does not ask for by `map.resolution`.
+        Whether maps keep all their texels; off: as few as the evidence allows, at most half a side of what was asked and
+        no fewer than 32. `auto` lowers them only where the config itself does not set `map.resolution`.
     spectral, polarisation : {"auto", "off"}
         Looked for and flagged; a bake is of RGB radiance.
     """
@@ -228,7 +228,7 @@ class EffectsConfig(_Section):
     mirror: Switch = "auto"
     fresnel: Switch = "auto"
     colour: Switch = "auto"
-    sun: Switch = "auto"
+    light_sampling: Switch = "auto"
     resolution: Switch = "auto"
     spectral: Switch = "auto"
     polarisation: Switch = "auto"
