@@ -101,7 +101,7 @@ def bake(
     variant = backend.use()
     environment, material = load_environment(settings.environment), load_material(settings.material)
     viewpoints = load_viewpoints(settings.views)
-    plan, probed = planned_scene(settings, environment, material.bsdf())
+    plan, probed = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples)[0])
     asked, settings = settings.map.resolution, planned_settings(settings, plan)
     split = None if settings.effects.lobes == "off" else probed
     manifest = plan_manifest(settings, environment, material, split, viewpoints, variant, plan)

@@ -22,10 +22,13 @@ from rsibr.scene.environment import Environment
 BAKED = "measured: median seconds and bytes of the maps of this bake; `rsibr plan` measures what is absent here"
 
 
-def planned_scene(settings: Config, environment: Environment, bsdf: mi.BSDF) -> tuple[Plan, LobeSplit]:
-    """Probe a scene, try how to sample it where that is a question, and decide; the lobes come along."""
+def planned_scene(settings: Config, environment: Environment, bsdf: mi.BSDF, block: int) -> tuple[Plan, LobeSplit]:
+    """Probe a scene, try how to sample it where that is a question, and decide; the lobes come along.
+
+    `block`: samples a texel in one block of the bake.
+    """
     probes = probe_scene(environment, bsdf)
-    ratio = sampling_ratio(environment.emitter(), bsdf) if probes.wants_pilot else None
+    ratio = sampling_ratio(environment.emitter(), bsdf, block) if probes.wants_pilot else None
     return make_plan(settings, probes, ratio), probes.split
 
 

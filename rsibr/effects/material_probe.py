@@ -120,8 +120,7 @@ def probe_material(bsdf: mi.BSDF, split: LobeSplit) -> MaterialProbe:
 def over_disk(table: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean over the disk of a sphere map of what is given at the nodes of the viewing angle: ∫ 2 cos θ E d cos θ."""
     squares = node_cosines() ** 2
-    weights = np.gradient(squares)
-    return np.asarray(np.tensordot(weights / weights.sum(), table, axes=1))
+    return np.asarray(np.trapezoid(table, squares, axis=0) / (squares[-1] - squares[0]))
 
 
 def _lobe(lobe: Lobe, whole: NDArray[np.float64], shape_error: float) -> LobeProbe:

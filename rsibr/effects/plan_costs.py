@@ -50,8 +50,8 @@ def priced(plan: Plan, costs: Costs, asked_resolution: int) -> Plan:
         Texels a side that the config asked for.
     """
     effects = tuple(_priced(effect, plan, costs, asked_resolution) for effect in plan.effects)
-    whole = {"seconds": costs.views * costs.seconds, "bytes": costs.views * costs.bytes}
-    return replace(plan, effects=effects, **whole, costs_from=costs.source)
+    seconds, size = costs.views * costs.seconds, costs.views * costs.bytes
+    return replace(plan, effects=effects, seconds=seconds, bytes=size, costs_from=costs.source)
 
 
 def _priced(effect: Effect, plan: Plan, costs: Costs, asked: int) -> Effect:

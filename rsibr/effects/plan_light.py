@@ -9,7 +9,7 @@ from rsibr.effects.lobes import Lobe
 from rsibr.effects.material_probe import LobeProbe, MaterialProbe
 from rsibr.effects.plan import NEGLIGIBLE, Effect, decided, number
 from rsibr.effects.plan_resolution import LEAST_RESOLUTION, sufficient_resolution
-from rsibr.scene.config import EffectsConfig
+from rsibr.scene.config import EffectsConfig, SamplingConfig
 
 EVEN = 0.5
 """Relative variance of the radiance up to which a sky counts as even: the BSDF's samples miss no source in it."""
@@ -44,7 +44,7 @@ def sampling_effect(
     material: MaterialProbe,
     sampling_ratio: float | None,
     settings: EffectsConfig,
-    clamp: float | None,
+    sampling: SamplingConfig,
 ) -> Effect:
     """Whether directions are drawn from the light beside those from the BSDF, as a sun or a lamp needs it.
 
@@ -57,12 +57,14 @@ def sampling_effect(
         sample of the pilot hit would make it a lie.
     settings : EffectsConfig
         May force it.
-    clamp : float or None
-        `sampling.clamp`: with small sources it takes their light away.
+    sampling : SamplingConfig
+        Its `clamp` takes the light of small sources away; its samples share what noise they would leave alone.
     """
     policy = "light and BSDF are both sampled, weighted by the balance heuristic; nothing is clamped"
-    if clamp is not None:
-        policy = f"light and BSDF are both sampled; samples above {clamp:g} are clamped as asked, and darken the maps"
+    if sampling.clamp is not None:
+        policy = (
+            f"light and BSDF are both sampled; samples above {sampling.clamp:g} are clamped as asked: too dark maps"
+        )
     share = f"{number(100 * light.peak_share)} % of the light from the brightest {100 * SMALL:g} % of the sphere"
     evidence, threshold, unit = light.variance, EVEN, "relative variance of the radiance"
     why_on, why_off = f"a sun or lamps, {share}: {policy}", "there is no light"
@@ -73,7 +75,11 @@ def sampling_effect(
         why_on = f"the sky is even, but the light's samples lower the noise: {policy}"
         even = f"relative variance of the radiance {number(light.variance)}"
         why_off = f"the sky is even ({even}): the BSDF's samples alone are no noisier"
-    return decided("light_sampling", settings.light_sampling, evidence, threshold, unit, why_on, why_off)
+    return decided(
+        "light_sampling", settings.light_sampling, evidence, threshold, unit, why_on, why_off,
+        # No bias, but noise: that of as many samples of a mirror that is smeared over the whole sky
+        error_if_left_out=min(1.0, light.variance / sampling.samples) if evidence > threshold else 0.0,
+    )  # fmt: skip
 
 
 def resolution_effect(

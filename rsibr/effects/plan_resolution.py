@@ -8,7 +8,7 @@ from scipy.ndimage import map_coordinates
 
 from rsibr.effects.albedo import node_cosines
 from rsibr.effects.harmonics import synthesis
-from rsibr.effects.light_probe import LightProbe
+from rsibr.effects.light_probe import UNRESOLVED, LightProbe
 from rsibr.effects.lobes import Lobe
 from rsibr.effects.material_probe import LobeProbe
 from rsibr.effects.plan_model import attenuation
@@ -38,8 +38,10 @@ def enlarged_error(
     """
     fine = min(resolution, _MODELLED)
     factor = resolution // lower
-    if light.is_black or fine // factor < 1:
-        return 0.0 if light.is_black else 1.0
+    if light.is_black:
+        return 0.0
+    if light.variance == UNRESOLVED:
+        return 1.0
     image = _model(lobes, probes, light, fine)
     inside = np.isfinite(image)
     small = _reduced(image, factor)

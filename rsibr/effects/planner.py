@@ -96,7 +96,7 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     asked = Resolution(config.map.resolution, "resolution" in config.map.model_fields_set)
     full, resolution = resolution_effect(probes.split.lobes, material.lobes, light, asked, settings)
     colour = colour_effect(material, light, settings)
-    sampling = sampling_effect(light, material, sampling_ratio, settings, config.sampling.clamp)
+    sampling = sampling_effect(light, material, sampling_ratio, settings, config.sampling)
     if settings.light_sampling == "off" and light.variance == UNRESOLVED:
         raise InputError(
             "'off' would leave out the whole light: no sample of the BSDF hits a source without extent",

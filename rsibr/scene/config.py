@@ -214,8 +214,8 @@ class EffectsConfig(_Section):
     light_sampling : Switch
         Whether directions are drawn from the light beside those from the BSDF, as a sun needs it.
     resolution : Switch
-        Whether maps keep all their texels; off: as few as the evidence allows, at most half a side of what was asked and
-        no fewer than 32. `auto` lowers them only where the config itself does not set `map.resolution`.
+        Whether maps keep all their texels; off: as few a side as the evidence allows, at most half of what was asked
+        and no fewer than 32. `auto` lowers them only where the config itself does not set `map.resolution`.
     spectral, polarisation : {"auto", "off"}
         Looked for and flagged; a bake is of RGB radiance.
     """
