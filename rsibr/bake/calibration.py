@@ -60,8 +60,14 @@ def calibrate(
     }
     if len(planned.lobe_names) > 1:
         kernels["one_lobe"] = built(replace(scope, left_out=()), None)
-    seconds = _map_seconds(kernels, config)
-    return Costs(views=views, lobes=len(planned.lobe_names), bytes=_map_bytes(planned), source=SOURCE, **seconds)
+    return Costs(
+        views=views,
+        lobes=len(planned.lobe_names),
+        bytes=_map_bytes(planned),
+        other_colour_bytes=_map_bytes(kernels["other_colour"]),
+        source=SOURCE,
+        **_map_seconds(kernels, config),
+    )
 
 
 def _map_seconds(kernels: dict[str, SphereIntegrator], config: Config) -> dict[str, float]:

@@ -25,6 +25,8 @@ class Costs:
     one_lobe, other_colour, other_sampling : float or None
         Seconds of a map with its lobes not kept apart; with three channels where one is planned, or the reverse; with
         light samples where none are planned, or the reverse. None where not measured.
+    other_colour_bytes : int or None
+        Of a map with three channels where one is planned, or the reverse.
     source : str
         Where the figures come from.
     """
@@ -36,6 +38,7 @@ class Costs:
     one_lobe: float | None = None
     other_colour: float | None = None
     other_sampling: float | None = None
+    other_colour_bytes: int | None = None
     source: str = ""
 
 
@@ -66,7 +69,7 @@ def _priced(effect: Effect, plan: Plan, costs: Costs, asked: int) -> Effect:
                 return effect  # it is not there: nothing to save
             seconds, size = _of_a_lobe(plan, costs)
         case "colour":
-            seconds, size = _apart(effect.on, costs, costs.other_colour), _of_colour(plan, costs)
+            seconds, size = _apart(effect.on, costs, costs.other_colour), _of_colour(costs)
         case "light_sampling":
             seconds, size = _apart(effect.on, costs, costs.other_sampling), 0
         case "resolution":
@@ -89,13 +92,11 @@ def _of_a_lobe(plan: Plan, costs: Costs) -> tuple[float | None, int | None]:
     return None if apart is None else apart / max(costs.lobes - 1, 1), size
 
 
-def _of_colour(plan: Plan, costs: Costs) -> int:
-    channels = _channels(costs.lobes)
-    colours = channels - _COVERAGE
-    whole = costs.views * costs.bytes
-    if plan.grey:  # now a third of the colours are stored
-        return round(whole * (2 * colours / 3) / (colours / 3 + _COVERAGE))
-    return round(whole * (2 * colours / 3) / channels)
+def _of_colour(costs: Costs) -> int | None:
+    """Bytes between one channel and three: few, for where three are the same the files' compression finds it."""
+    if costs.other_colour_bytes is None:
+        return None
+    return costs.views * abs(costs.other_colour_bytes - costs.bytes)
 
 
 def _channels(lobes: int) -> int:

@@ -64,8 +64,3 @@ def retro_ratio(bsdf: mi.BSDF) -> float:
     wo = np.array([[sine, 0.0, cosine]] * 2)
     back, side = reflected(bsdf, np.array([[sine, 0.0, cosine], [0.0, sine, cosine]]), wo).max(axis=1)
     return float(back / (side + 1e-6))
-
-
-def is_retroreflective(bsdf: mi.BSDF) -> bool:
-    """Whether a material sends light back to where it comes from, more than its lobe and its base would."""
-    return retro_ratio(bsdf) > RETRO_RATIO
