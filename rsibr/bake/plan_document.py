@@ -15,7 +15,7 @@ class PlanDocument(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    schema_version: Literal[1] = Field(1, alias="schema")
+    schema_version: Literal[1] = Field(alias="schema")
     missed: tuple[str, ...] = Field(description="effects that matter here and are left out")
     plan: Plan
 

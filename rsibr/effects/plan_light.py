@@ -96,8 +96,9 @@ def resolution_effect(
     """
     asked, half = resolution.asked, max(LEAST_RESOLUTION, resolution.asked // 2)
     if half >= asked:
+        forced = "on" if settings.resolution == "on" else "auto"
         why = f"maps of {asked}² are not lowered"
-        return decided("resolution", "auto", 1.0, NEGLIGIBLE, f"relMSE of a map of {half}²", why, ""), asked
+        return decided("resolution", forced, 1.0, NEGLIGIBLE, "relMSE of a map of one texel", why, ""), asked
     lower, error = sufficient_resolution(lobes, probes, light, asked, NEGLIGIBLE)
     unit = f"relMSE of a map of {min(lower, half)}², by a model of it"
     if settings.resolution == "auto" and resolution.explicit and lower < asked:

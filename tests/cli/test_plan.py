@@ -10,7 +10,11 @@ import pytest
 from rsibr.bake.plan_document import PlanDocument, plan_schema
 from tests.cli.command import CONFIG, write_config
 
-SWITCHES = ("view_dependence", "diffuse", "glossy", "clear_coat", "mirror", "fresnel", "colour", "light_sampling", "resolution")  # fmt: skip
+SWITCHES = (
+    "view_dependence",
+    *("diffuse", "glossy", "clear_coat", "mirror"),
+    *("fresnel", "colour", "light_sampling", "resolution"),
+)
 
 
 def test_the_table_says_what_is_on_and_why(shell, config):
