@@ -19,6 +19,8 @@ _WHITE = 100.0
 """Luminance [cd/m²] of a white surface, at which colours are compared."""
 
 _OBSERVER = "CIE 1931 2 Degree Standard Observer"
+_RANGE = (360, 780)
+"""Wavelengths [nm] that are summed over, in steps of 1 nm (ASTM E308)."""
 
 Samples = list[tuple[float, float]]
 """Wavelengths [nm] and values."""
@@ -70,7 +72,7 @@ def rgb_mismatch(material: Mapping[str, Any] | Path | None, emitter: Mapping[str
     S and of R. Both are taken over the luminance of a white surface under S.
     """
     pigments = dict(_spectra(material, "material"))
-    lights = dict(_spectra(emitter, "environment"))
+    lights = {name: light for name, light in _spectra(emitter, "environment") if any(value for _, value in light)}
     if not pigments:
         return None
     import colour  # noqa: PLC0415  # takes a second, and most scenes have no spectra
@@ -81,12 +83,10 @@ def rgb_mismatch(material: Mapping[str, Any] | Path | None, emitter: Mapping[str
 
 
 def _mismatch(colour: Any, light: tuple[str, Samples | None], pigment: tuple[str, Samples]) -> Mismatch:
-    observer = colour.MSDS_CMFS[_OBSERVER]
-    illuminant = (
-        colour.SDS_ILLUMINANTS["D65"].copy().align(observer.shape)
-        if light[1] is None
-        else _distribution(colour, light[1])
-    )
+    shape = colour.SpectralShape(*_RANGE, 1)
+    observer = colour.MSDS_CMFS[_OBSERVER].copy().align(shape)
+    daylight = colour.SDS_ILLUMINANTS["D65"].copy().align(shape)
+    illuminant = daylight if light[1] is None else _distribution(colour, light[1])
     truth = colour.sd_to_XYZ(_distribution(colour, pigment[1]), observer, illuminant) / 100
     light_rgb = np.ones(3) if light[1] is None else _rgb_of_light(light[1])
     product = _rgb_of_pigment(pigment[1]) * light_rgb / max(float(light_rgb @ [0.2126, 0.7152, 0.0722]), 1e-12)
@@ -100,8 +100,8 @@ def _mismatch(colour: Any, light: tuple[str, Samples | None], pigment: tuple[str
 
 
 def _distribution(colour: Any, samples: Samples) -> Any:
-    """On the observer's wavelengths: linear between the samples, nothing beyond, as Mitsuba reads them."""
-    wavelengths = colour.MSDS_CMFS[_OBSERVER].wavelengths
+    """On the wavelengths of `_RANGE`: linear between the samples, nothing beyond, as Mitsuba reads them."""
+    wavelengths = np.arange(_RANGE[0], _RANGE[1] + 1.0)
     given = np.array(samples, dtype=np.float64)
     values = np.interp(wavelengths, given[:, 0], given[:, 1], left=0, right=0)
     return colour.SpectralDistribution(values, wavelengths)
