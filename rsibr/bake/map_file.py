@@ -1,6 +1,6 @@
 """A radiance sphere map as one multi-part OpenEXR file that explains itself to any EXR viewer.
 
-One part a lobe (R, G, B), then `variance` (R, G, B), then `coverage` (Y); float32, ZIP. A grey map has Y in place of
+One part a lobe (R, G, B), then `variance` (R, G, B), then `coverage` (Y); float32, ZIP; a grey map has Y in place of
 R, G, B. Every part's header holds the view vector (`rsibr:view`, v3f), the frame (`rsibr:frame`, m33f, columns x, y, z
 in world coordinates) and a digest of the pixels of all parts (`rsibr:digest`): OpenEXR itself raises nothing on a
 truncated file.
@@ -55,7 +55,7 @@ class MapFile:
     coverage : ndarray of float32, shape (N, N)
         Share of each texel that lies inside the unit disk.
     grey : bool
-        Whether the channels are all the same: the file then holds one, Y, and a reader makes three of it.
+        Whether a part whose channels are all the same is written as one, Y, of which a reader makes three again.
 
     Raises
     ------
@@ -80,8 +80,6 @@ class MapFile:
             expected = (self.resolution, self.resolution) + (() if name == COVERAGE else (3,))
             if image.shape != expected or image.dtype != np.float32:
                 raise ValueError(f"{name} is {image.dtype} {image.shape}, not float32 {expected}")
-            if self.grey and name != COVERAGE and not _is_grey(image):
-                raise ValueError(f"{name} is not grey")
         _check_frame(self.view, self.frame)
 
     @property
@@ -209,7 +207,8 @@ def _agree(headers: list[dict[str, Any]]) -> bool:
 
 def _channels(part: str, image: Image, grey: bool) -> dict[str, Image]:
     """A part's one array: OpenEXR's Python package stands "RGB" for the channels R, G and B together."""
-    stored = image[..., 0] if grey and part != COVERAGE else image
+    # The pixels decide, not the flag: a texel that was changed since loses nothing
+    stored = image[..., 0] if grey and part != COVERAGE and _is_grey(image) else image
     return {"RGB" if stored.ndim == 3 else "Y": np.ascontiguousarray(stored)}
 
 

@@ -169,7 +169,7 @@ def test_a_plan_becomes_a_document_and_comes_back(config):
 def grey_map(image):
     frame = np.eye(3)
     return MapFile(
-        frame[:, 2], frame, {"radiance": image}, image.copy(), np.ones(image.shape[:2], np.float32), grey=True
+        frame[:, 2], frame, {"radiance": image.copy()}, image, np.ones(image.shape[:2], np.float32), grey=True
     )
 
 
@@ -183,6 +183,11 @@ def test_a_grey_map_is_stored_as_one_channel_and_read_as_three(rng):
     assert b"RGB" not in encode_map(grey_map(image))
 
 
-def test_a_coloured_map_cannot_be_stored_as_grey(rng):
-    with pytest.raises(ValueError, match="not grey"):
-        grey_map(rng.random((8, 8, 3)).astype(np.float32))
+def test_a_texel_that_is_not_grey_keeps_its_colour(rng):
+    image = np.repeat(rng.random((8, 8, 1)).astype(np.float32), 3, axis=2)
+    spoilt = grey_map(image)
+    spoilt.layers["radiance"][3, 4, 1] = np.nan
+    found = decode_map(encode_map(spoilt), "x")
+    assert not found.grey
+    assert np.array_equal(found.layers["radiance"], spoilt.layers["radiance"], equal_nan=True)
+    assert np.array_equal(found.variance, spoilt.variance)
