@@ -41,6 +41,8 @@ class LobeProbe:
         How far it is from E(θ_o) cos θ_i / π: root mean square over its energy, relative. 0 for Lambert's lobe.
     kind : {"diffuse", "glossy", "mirror"}
         How it is warped.
+    anisotropy : float
+        That of the whole material without its mirror: which lobe has it is not asked.
     """
 
     name: str
@@ -49,6 +51,7 @@ class LobeProbe:
     share: float
     shape_error: float
     kind: str
+    anisotropy: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,13 +107,17 @@ def probe_material(bsdf: mi.BSDF, split: LobeSplit) -> MaterialProbe:
     smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
     drawn = _Draws.of(bsdf) if smooth else None
     shapes = drawn.shape_errors(split) if drawn else []
-    lobes = [_lobe(lobe, albedo, shapes[k] if k < len(shapes) else 0.0) for k, lobe in enumerate(split.lobes)]
+    turning = drawn.anisotropy if drawn else 0.0
+    lobes = [
+        _lobe(lobe, albedo, *((shapes[k], turning) if k < len(shapes) else (0.0, 0.0)))
+        for k, lobe in enumerate(split.lobes)
+    ]
     mirror = [lobe.albedo for lobe in split.lobes if lobe.is_mirror]
     return MaterialProbe(
         lobes=tuple(lobes),
         albedo=albedo,
         chroma=max([drawn.chroma if drawn else 0.0, *(_spread(table) for table in mirror)]),
-        anisotropy=drawn.anisotropy if drawn else 0.0,
+        anisotropy=turning,
         variation=drawn.variation if drawn else 0.0,
         retro_ratio=retro_ratio(bsdf) if smooth else 1.0,
         fresnel=_variation_over_angle(albedo),
@@ -123,10 +130,10 @@ def over_disk(table: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.trapezoid(table, squares, axis=0) / (squares[-1] - squares[0]))
 
 
-def _lobe(lobe: Lobe, whole: NDArray[np.float64], shape_error: float) -> LobeProbe:
+def _lobe(lobe: Lobe, whole: NDArray[np.float64], shape_error: float, anisotropy: float) -> LobeProbe:
     share = float(over_disk(lobe.albedo).sum() / max(over_disk(whole).sum(), 1e-30))
     kind = "mirror" if lobe.is_mirror else "diffuse" if lobe.is_diffuse else "glossy"
-    return LobeProbe(lobe.name, lobe.alpha, over_disk(lobe.albedo), share, shape_error, kind)
+    return LobeProbe(lobe.name, lobe.alpha, over_disk(lobe.albedo), share, shape_error, kind, anisotropy)
 
 
 def _variation_over_angle(albedo: NDArray[np.float64]) -> float:

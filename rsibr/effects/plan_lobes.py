@@ -119,12 +119,12 @@ def closed_form_error(lobe: LobeProbe, lobes: tuple[LobeProbe, ...], light: Ligh
     if lobe.kind == "mirror" or light.is_black:
         return 0.0
     share = share_of_square(lobe, lobes, light)
-    uneven = relative_power(lobe, light) - 1
+    uneven = max(relative_power(lobe, light) - 1, 0.0)
     if lobe.kind == "diffuse":
         # What the shape's difference collects of the sky: nothing of its mean, which the albedo carries already
-        varying = min(1.0, light.variance) * lobe.shape_error**2
-        return float(share * min(varying, uneven if uneven > 0 else 0.0))
-    return float(share * min(1.0, max(uneven, 0.0)))
+        uneven = min(uneven, min(1.0, light.variance) * lobe.shape_error**2)
+    # An albedo over the angle alone says nothing of a material that looks different turned
+    return float(share * min(1.0, uneven + lobe.anisotropy**2))
 
 
 def _closed_form(lobe: LobeProbe, light: LightProbe) -> str:

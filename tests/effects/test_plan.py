@@ -53,6 +53,10 @@ def test_a_constant_sky_needs_no_maps_whatever_the_material(plugin):
     assert "constant sky" in plan["view_dependence"].why
 
 
+def test_an_anisotropic_material_has_no_closed_form_even_under_a_constant_sky():
+    assert all(lobe.maps_needed for lobe in planned(BRUSHED, constant()).plan.lobes)
+
+
 def test_a_perfect_mirror_needs_no_maps_and_no_light_samples():
     plan = planned(MIRROR, sun()).plan
     assert [lobe.maps_needed for lobe in plan.lobes] == [False]
