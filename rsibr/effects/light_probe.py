@@ -44,6 +44,8 @@ class LightProbe:
         Share of ⟨L²⟩ in each band of spherical harmonics; sum at most 1.
     spectrum : ndarray, shape (LMAX + 1, LMAX + 1), complex
         Spherical-harmonic coefficients of the mean of the channels, m ≥ 0, over its mean; `rsibr.effects.harmonics`.
+    small : ndarray, shape (h, w)
+        The map itself, mean of the channels over its mean, at most 128 × 256.
     """
 
     mean: tuple[float, float, float]
@@ -53,6 +55,7 @@ class LightProbe:
     chroma: float
     bands: NDArray[np.float64] = field(repr=False)
     spectrum: NDArray[np.complex128] = field(repr=False)
+    small: NDArray[np.float64] = field(repr=False)
 
     @property
     def beyond(self) -> float:
@@ -111,7 +114,7 @@ def _statistics(image: NDArray[np.float32], has_delta: bool) -> LightProbe:
     second = float((weight * grey**2).sum())
     if level <= 0:
         bands, spectrum = np.zeros(LMAX + 1), np.zeros((LMAX + 1, LMAX + 1), dtype=np.complex128)
-        return LightProbe((0.0, 0.0, 0.0), UNRESOLVED if has_delta else 0.0, 0.0, 0.0, 0.0, bands, spectrum)
+        return LightProbe((0.0, 0.0, 0.0), UNRESOLVED if has_delta else 0.0, 0.0, 0.0, 0.0, bands, spectrum, grey)
     spectrum = coefficients(grey / level)
     return LightProbe(
         mean=(float(mean[0]), float(mean[1]), float(mean[2])),
@@ -121,6 +124,7 @@ def _statistics(image: NDArray[np.float32], has_delta: bool) -> LightProbe:
         chroma=_chroma(smaller, weight),
         bands=band_power(spectrum) / max(second / level**2, 1e-30),
         spectrum=spectrum,
+        small=reduced(grey[..., None] / level, _ROWS // 2, _COLUMNS // 2)[..., 0],
     )
 
 

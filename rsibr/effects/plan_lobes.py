@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from rsibr.effects.light_probe import LightProbe
 from rsibr.effects.material_probe import LobeProbe, MaterialProbe
 from rsibr.effects.plan import NEGLIGIBLE, Effect, LobePlan, decided, number
-from rsibr.effects.plan_model import VIEW_COUNTS, interpolation_error, relative_power, share_of_square
+from rsibr.effects.plan_model import VIEW_COUNTS, interpolation_error, relative_power
 from rsibr.scene.config import EffectsConfig
 
 COAT_ALPHA = 0.1
@@ -18,6 +18,9 @@ PRESENT = 1e-9
 
 _ENOUGH = 1e-3
 """relMSE of interpolation, before any correction, at which a number of views suffices for a lobe."""
+
+Weights = dict[str, float]
+"""For each lobe by name the relMSE that leaving it out would make."""
 
 LOBE_EFFECTS = ("diffuse", "glossy", "clear_coat", "mirror")
 """Effects that are lobes of the material."""
@@ -35,7 +38,7 @@ def effect_of(lobe: LobeProbe, lobes: tuple[LobeProbe, ...]) -> str:
     return "clear_coat" if lobe.alpha == narrowest and lobe.alpha <= COAT_ALPHA and covers else "glossy"
 
 
-def lobe_effects(material: MaterialProbe, light: LightProbe, settings: EffectsConfig) -> Iterator[Effect]:
+def lobe_effects(material: MaterialProbe, left_out: Weights, settings: EffectsConfig) -> Iterator[Effect]:
     """Decide on each kind of lobe: on where the material has it, unless forced off."""
     names = {
         "diffuse": ("a matte lobe, warped by the normal", "the material has no matte lobe"),
@@ -45,13 +48,13 @@ def lobe_effects(material: MaterialProbe, light: LightProbe, settings: EffectsCo
     }
     for name, (why_on, why_off) in names.items():
         members = [lobe for lobe in material.lobes if effect_of(lobe, material.lobes) == name]
-        square = sum(share_of_square(lobe, material.lobes, light) for lobe in members)
+        error = sum(left_out[lobe.name] for lobe in members)
         share = sum(lobe.share for lobe in members)
         roughness = ", ".join(f"α {lobe.alpha:.3g}" for lobe in members if lobe.kind == "glossy")
         more = f" ({roughness})" if roughness else ""
         yield decided(
             name, getattr(settings, name), share, PRESENT, "of the reflected light", why_on + more, why_off,
-            error_if_left_out=min(1.0, square),
+            error_if_left_out=min(1.0, error),
         )  # fmt: skip
 
 
@@ -64,9 +67,9 @@ def fresnel_effect(material: MaterialProbe, settings: EffectsConfig) -> Effect:
     )  # fmt: skip
 
 
-def view_effect(material: MaterialProbe, light: LightProbe, settings: EffectsConfig) -> Effect:
+def view_effect(material: MaterialProbe, left_out: Weights, light: LightProbe, settings: EffectsConfig) -> Effect:
     """Whether the look depends on the view at all, beyond what has a closed form."""
-    residual = max((closed_form_error(lobe, material.lobes, light) for lobe in material.lobes), default=0.0)
+    residual = max(closed_form_error(lobe, left_out[lobe.name], light) for lobe in material.lobes)
     return decided(
         "view_dependence", settings.view_dependence, residual, NEGLIGIBLE, "relMSE of closed forms, estimated",
         "maps from several views are interpolated", _without_views(material, light),
@@ -74,15 +77,15 @@ def view_effect(material: MaterialProbe, light: LightProbe, settings: EffectsCon
     )  # fmt: skip
 
 
-def lobe_maps(lobe: LobeProbe, lobes: tuple[LobeProbe, ...], light: LightProbe, forced: str = "auto") -> LobePlan:
+def lobe_maps(lobe: LobeProbe, left_out: float, light: LightProbe, forced: str = "auto") -> LobePlan:
     """Decide whether a lobe needs maps, and from how many views: the one place where that is decided.
 
     Parameters
     ----------
     lobe : LobeProbe
         The lobe.
-    lobes : tuple of LobeProbe
-        All lobes of the material.
+    left_out : float
+        relMSE that leaving it out would make, see `rsibr.effects.plan_maps.left_out_errors`.
     light : LightProbe
         The environment.
     forced : {"auto", "on", "off"}
@@ -98,7 +101,7 @@ def lobe_maps(lobe: LobeProbe, lobes: tuple[LobeProbe, ...], light: LightProbe, 
     E(θ) times the environment in the mirror direction. A matte lobe is E(θ) times the irradiance of its normal over π,
     as far as it has Lambert's shape. Of these the error is estimated, and maps are needed where it is not negligible.
     """
-    error = closed_form_error(lobe, lobes, light)
+    error = closed_form_error(lobe, left_out, light)
     needed = error > NEGLIGIBLE if forced == "auto" else forced == "on"
     if not needed:
         why = _closed_form(lobe, light) if error <= NEGLIGIBLE else "forced off: the nearest closed form stands in"
@@ -107,24 +110,24 @@ def lobe_maps(lobe: LobeProbe, lobes: tuple[LobeProbe, ...], light: LightProbe, 
         why = f"warped by the normal: its shape is not quite Lambert's (off by {number(lobe.shape_error)}, relative)"
         return LobePlan(lobe.name, True, VIEW_COUNTS[0], error, NEGLIGIBLE, why)
     views = next(
-        (count for count in VIEW_COUNTS if interpolation_error(lobe, lobes, light, count) <= _ENOUGH), VIEW_COUNTS[-1]
+        (count for count in VIEW_COUNTS if interpolation_error(lobe, left_out, light, count) <= _ENOUGH),
+        VIEW_COUNTS[-1],
     )
-    reached = interpolation_error(lobe, lobes, light, views)
+    reached = interpolation_error(lobe, left_out, light, views)
     why = f"interpolated between {views} views it errs by {number(reached)} before corrections, by the estimate"
     return LobePlan(lobe.name, True, views, error, NEGLIGIBLE, why)
 
 
-def closed_form_error(lobe: LobeProbe, lobes: tuple[LobeProbe, ...], light: LightProbe) -> float:
+def closed_form_error(lobe: LobeProbe, left_out: float, light: LightProbe) -> float:
     """Error (relMSE) of the best closed form of a lobe, estimated; see `lobe_maps`."""
     if lobe.kind == "mirror" or light.is_black:
         return 0.0
-    share = share_of_square(lobe, lobes, light)
     uneven = max(relative_power(lobe, light) - 1, 0.0)
     if lobe.kind == "diffuse":
         # What the shape's difference collects of the sky: nothing of its mean, which the albedo carries already
         uneven = min(uneven, min(1.0, light.variance) * lobe.shape_error**2)
     # An albedo over the angle alone says nothing of a material that looks different turned
-    return float(share * min(1.0, uneven + lobe.anisotropy**2))
+    return float(left_out * min(1.0, uneven + lobe.anisotropy**2))
 
 
 def _closed_form(lobe: LobeProbe, light: LightProbe) -> str:

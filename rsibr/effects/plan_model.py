@@ -48,18 +48,10 @@ def relative_power(lobe: LobeProbe, light: LightProbe) -> float:
     return float((light.bands * factors).sum() + light.beyond * factors[-1]) * (1 + light.variance)
 
 
-def share_of_square(lobe: LobeProbe, lobes: tuple[LobeProbe, ...], light: LightProbe) -> float:
-    """Error (relMSE) of maps that lack a lobe, estimated: mean square of its light over that of all, worst channel."""
-    if light.is_black:
-        return 0.0
-    whole = sum((other.albedo for other in lobes), np.zeros(3))
-    varying = sum((other.albedo**2 * (relative_power(other, light) - 1) for other in lobes), np.zeros(3))
-    square = lobe.albedo**2 * relative_power(lobe, light) / np.maximum(whole**2 + varying, 1e-30)
-    return float(square.max())
-
-
-def interpolation_error(lobe: LobeProbe, lobes: tuple[LobeProbe, ...], light: LightProbe, views: int) -> float:
+def interpolation_error(lobe: LobeProbe, left_out: float, light: LightProbe, views: int) -> float:
     """Error (relMSE) of a glossy lobe interpolated between stored views, estimated before any correction.
+
+    `left_out` is the relMSE that leaving the lobe out would make: its weight.
 
     Notes
     -----
@@ -77,7 +69,7 @@ def interpolation_error(lobe: LobeProbe, lobes: tuple[LobeProbe, ...], light: Li
     laplacian = float((light.bands * (bands * (bands + 1)) ** 2 * attenuation(lobe) ** 2).sum())
     laplacian += light.beyond * worst**2 * dampened
     blurred = laplacian * (1 + light.variance) * scale * (trace + 2 * frobenius) / 32
-    return float(share_of_square(lobe, lobes, light) * min(1.0, blurred / relative_power(lobe, light)))
+    return float(left_out * min(1.0, blurred / relative_power(lobe, light)))
 
 
 def _level(views: int) -> int:

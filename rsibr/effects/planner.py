@@ -17,6 +17,7 @@ from rsibr.effects.plan_colour import colour_effect, polarisation_effect, spectr
 from rsibr.effects.plan_flags import flag_effects, use_effects
 from rsibr.effects.plan_light import Resolution, is_even, resolution_effect, sampling_effect
 from rsibr.effects.plan_lobes import effect_of, fresnel_effect, lobe_effects, lobe_maps, view_effect
+from rsibr.effects.plan_maps import left_out_errors
 from rsibr.errors import InputError
 from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment
@@ -93,6 +94,8 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     """
     start = time.perf_counter()
     settings, light, material = config.effects, probes.light, probes.material
+    errors = left_out_errors(probes.split.lobes, material.lobes, light)
+    left_out = {lobe.name: error for lobe, error in zip(material.lobes, errors, strict=True)}
     asked = Resolution(config.map.resolution, "resolution" in config.map.model_fields_set)
     full, resolution = resolution_effect(probes.split.lobes, material.lobes, light, asked, settings)
     colour = colour_effect(material, light, settings)
@@ -105,8 +108,8 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
         )
     effects = unique(
         [
-            view_effect(material, light, settings),
-            *lobe_effects(material, light, settings),
+            view_effect(material, left_out, light, settings),
+            *lobe_effects(material, left_out, settings),
             fresnel_effect(material, settings),
             colour,
             spectral_effect(*_given(config)),
@@ -117,11 +120,11 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
             *use_effects(),
         ]
     )
-    kept, left_out = _kept(material, effects)
+    kept, dropped = _kept(material, effects)
     return Plan(
         effects=effects,
-        lobes=tuple(lobe_maps(lobe, material.lobes, light, settings.view_dependence) for lobe in kept),
-        left_out=left_out,
+        lobes=tuple(lobe_maps(lobe, left_out[lobe.name], light, settings.view_dependence) for lobe in kept),
+        left_out=dropped,
         grey=not colour.on,
         light_samples=sampling.on,
         resolution=resolution,

@@ -9,6 +9,7 @@ import numpy as np
 
 from rsibr.bake.pilot import sampling_ratio
 from rsibr.effects.plan import Plan
+from rsibr.effects.plan_maps import left_out_errors
 from rsibr.effects.planner import Probes, make_plan, probe_scene
 from rsibr.scene.config import Config, EffectsConfig, EnvironmentConfig, MapConfig, MaterialConfig, SamplingConfig
 from rsibr.scene.environment import Environment
@@ -57,6 +58,11 @@ class Planned:
 
     plan: Plan
     probes: Probes
+
+    @property
+    def left_out(self) -> list[float]:
+        """What leaving each lobe out would make."""
+        return left_out_errors(self.probes.split.lobes, self.probes.material.lobes, self.probes.light)
 
 
 def planned(

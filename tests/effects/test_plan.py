@@ -6,9 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rsibr.effects.plan import NEGLIGIBLE, Effect, unique
+from rsibr.effects.material_probe import over_disk
+from rsibr.effects.plan import Effect, unique
 from rsibr.effects.plan_lobes import LOBE_EFFECTS, closed_form_error, lobe_maps
-from rsibr.effects.plan_model import VIEW_COUNTS, attenuation, interpolation_error, relative_power, share_of_square
+from rsibr.effects.plan_maps import left_out_errors
+from rsibr.effects.plan_model import VIEW_COUNTS, attenuation, interpolation_error, relative_power
 from rsibr.errors import InputError
 from tests.effects.scenes import (
     BRUSHED,
@@ -78,19 +80,33 @@ def test_lobes_are_named_by_what_they_are(plastic):
 
 
 def test_the_decision_on_maps_can_be_forced_both_ways(plastic):
-    lobes, light = plastic.probes.material.lobes, plastic.probes.light
-    matte, coat = lobes
-    assert lobe_maps(coat, lobes, light).maps_needed
-    assert not lobe_maps(coat, lobes, light, "off").maps_needed
-    assert not lobe_maps(matte, lobes, planned(DIFFUSE, constant()).probes.light).maps_needed
-    assert lobe_maps(matte, lobes, planned(DIFFUSE, constant()).probes.light, "on").views_needed == 12
+    (matte, coat), light = plastic.probes.material.lobes, plastic.probes.light
+    even = planned(DIFFUSE, constant()).probes.light
+    assert lobe_maps(coat, 0.5, light).maps_needed
+    assert not lobe_maps(coat, 0.5, light, "off").maps_needed
+    assert not lobe_maps(matte, 0.5, even).maps_needed
+    assert lobe_maps(matte, 0.5, even, "on").views_needed == 12
+    assert not lobe_maps(coat, 0.0, light).maps_needed  # what no one misses needs none
 
 
 def test_closed_forms_err_as_their_lobe_does(plastic):
-    """A mirror not at all; a plastic's matte base a little, for its shape; its coat by all that it shows of the sky."""
-    lobes, light = plastic.probes.material.lobes, plastic.probes.light
-    matte, coat = (closed_form_error(lobe, lobes, light) for lobe in lobes)
-    assert NEGLIGIBLE < matte < coat < 1e-2
+    """A plastic's matte base a little, for its shape; its coat by what it shows of the sky, or by all that it is."""
+    (matte, coat), light = plastic.probes.material.lobes, plastic.probes.light
+    assert 0 < closed_form_error(matte, 1.0, light) < 1e-2
+    assert closed_form_error(coat, 1.0, light) == pytest.approx(light.variance, rel=0.1)
+    assert closed_form_error(coat, 1.0, planned(DIFFUSE, sun()).probes.light) == 1
+
+
+def test_what_leaving_a_lobe_out_makes_is_that_of_its_maps(plastic):
+    """Under a constant sky, from the albedos alone: mean over the disk of (E_k/E)², and of one lobe alone 1."""
+    probes = planned(PLASTIC, constant()).probes
+    whole = sum(lobe.albedo for lobe in probes.split.lobes)
+    exact = [
+        over_disk(lobe.albedo**2 / (whole**2 + 0.01 * over_disk(whole) ** 2)).mean() for lobe in probes.split.lobes
+    ]
+    found = left_out_errors(probes.split.lobes, probes.material.lobes, probes.light)
+    assert found == pytest.approx(exact, rel=5e-2)
+    assert planned(METAL, sun()).left_out == pytest.approx([1.0], abs=0.2)
 
 
 @pytest.mark.parametrize(
@@ -223,10 +239,10 @@ def test_the_power_that_a_lobe_shows_of_a_gradient_has_a_closed_form(plastic):
 
 
 def test_more_views_err_less(plastic):
-    lobes, light = plastic.probes.material.lobes, planned(DIFFUSE, sun()).probes.light
-    errors = [interpolation_error(lobes[1], lobes, light, count) for count in VIEW_COUNTS]
+    coat, light = plastic.probes.material.lobes[1], planned(DIFFUSE, sun()).probes.light
+    errors = [interpolation_error(coat, 0.5, light, count) for count in VIEW_COUNTS]
     assert all(a >= b > 0 for a, b in pairwise(errors))
-    assert errors[-1] < 1e-3 < errors[0] <= share_of_square(lobes[1], lobes, light)
+    assert errors[-1] < 1e-3 < errors[0] <= 0.5
 
 
 def test_two_effects_of_one_name_are_a_bug():
