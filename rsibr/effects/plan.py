@@ -166,20 +166,18 @@ def decided(
     unit: str,
     why_on: str,
     why_off: str,
-    **more: float | None,
+    error_if_left_out: float | None = None,
 ) -> Effect:
     """Decide by the evidence, unless the config insists.
 
     Parameters
     ----------
-    name, evidence, threshold, unit
+    name, evidence, threshold, unit, error_if_left_out
         See `Effect`.
     forced : str
         "auto", "on" or "off".
     why_on, why_off : str
         The decision in words, either way.
-    **more
-        `error_if_left_out`.
 
     Returns
     -------
@@ -189,10 +187,10 @@ def decided(
     by_evidence = evidence > threshold
     on = by_evidence if forced == "auto" else forced == "on"
     why = why_on if by_evidence else why_off
-    if forced != "auto" and on != by_evidence:
+    if on != by_evidence:
         why = f"forced {forced}, against the evidence: {why}"
     insisted: Forced = None if forced == "auto" else "on" if on else "off"
-    return Effect(name, on, insisted, evidence, threshold, unit, why, error_if_left_out=more.get("error_if_left_out"))
+    return Effect(name, on, insisted, evidence, threshold, unit, why, error_if_left_out=error_if_left_out)
 
 
 def flagged(name: str, evidence: float, threshold: float, unit: str, why: str, why_not: str) -> Effect:

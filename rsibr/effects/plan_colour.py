@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from rsibr.effects.light_probe import LightProbe
 from rsibr.effects.material_probe import MaterialProbe
-from rsibr.effects.metamerism import Mismatch, rgb_mismatch
+from rsibr.effects.metamerism import rgb_mismatch
 from rsibr.effects.plan import Effect, decided, flagged, number
 from rsibr.scene.config import EffectsConfig
 
@@ -51,7 +52,7 @@ def spectral_effect(material: Any, emitter: dict[str, Any] | None) -> Effect:
         f"RGB shifts the colour of {mismatch.pigment} under {mismatch.light}, and a bake holds RGB alone",
         f"RGB keeps the colour of {mismatch.pigment} under {mismatch.light}",
     )  # fmt: skip
-    return _with_error(effect, mismatch)
+    return replace(effect, error_if_left_out=mismatch.rel_mse, why=f"{effect.why} (relMSE {number(mismatch.rel_mse)})")
 
 
 def polarisation_effect() -> Effect:
@@ -60,13 +61,3 @@ def polarisation_effect() -> Effect:
         "polarisation", 0.0, 0.0, "change of radiance", "",
         "one reflection of unpolarised light: radiance is exact without it",
     )  # fmt: skip
-
-
-def _with_error(effect: Effect, mismatch: Mismatch) -> Effect:
-    return Effect(
-        **{
-            **vars(effect),
-            "error_if_left_out": mismatch.rel_mse,
-            "why": f"{effect.why} (relMSE {number(mismatch.rel_mse)})",
-        }
-    )
