@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rsibr.effects.light_probe import SMALL, LightProbe
+from rsibr.effects.light_probe import SMALL, UNRESOLVED, LightProbe
 from rsibr.effects.lobes import Lobe
 from rsibr.effects.material_probe import LobeProbe, MaterialProbe
 from rsibr.effects.plan import NEGLIGIBLE, Effect, decided, number
 from rsibr.effects.plan_resolution import LEAST_RESOLUTION, sufficient_resolution
+from rsibr.errors import InputError
 from rsibr.scene.config import EffectsConfig, SamplingConfig
 
 EVEN = 0.5
@@ -59,7 +60,18 @@ def sampling_effect(
         May force it.
     sampling : SamplingConfig
         Its `clamp` takes the light of small sources away; its samples share what noise they would leave alone.
+
+    Raises
+    ------
+    InputError
+        If it is forced off under a source that only the light's own sampling can hit.
     """
+    if settings.light_sampling == "off" and light.variance == UNRESOLVED:
+        raise InputError(
+            "'off' would leave out the whole light: no sample of the BSDF hits a source without extent",
+            where="effects.light_sampling",
+            fix='leave it at "auto"',
+        )
     policy = "light and BSDF are both sampled, weighted by the balance heuristic; nothing is clamped"
     if sampling.clamp is not None:
         policy = (

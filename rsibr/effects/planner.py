@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import mitsuba as mi
 
-from rsibr.effects.light_probe import UNRESOLVED, LightProbe, probe_light
+from rsibr.effects.light_probe import LightProbe, probe_light
 from rsibr.effects.lobes import LobeSplit
 from rsibr.effects.material_probe import LobeProbe, MaterialProbe, probe_material
 from rsibr.effects.plan import Effect, Plan, unique
 from rsibr.effects.plan_colour import colour_effect, polarisation_effect, spectral_effect
 from rsibr.effects.plan_flags import flag_effects, use_effects
 from rsibr.effects.plan_light import Resolution, is_even, resolution_effect, sampling_effect
-from rsibr.effects.plan_lobes import effect_of, fresnel_effect, lobe_effects, lobe_maps, view_effect
+from rsibr.effects.plan_lobes import Weights, effect_of, fresnel_effect, lobe_effects, lobe_maps, view_effect
 from rsibr.effects.plan_maps import left_out_errors
 from rsibr.errors import InputError
 from rsibr.scene.config import Config
@@ -100,26 +101,7 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     full, resolution = resolution_effect(probes.split.lobes, material.lobes, light, asked, settings)
     colour = colour_effect(material, light, settings)
     sampling = sampling_effect(light, material, sampling_ratio, settings, config.sampling)
-    if settings.light_sampling == "off" and light.variance == UNRESOLVED:
-        raise InputError(
-            "'off' would leave out the whole light: no sample of the BSDF hits a source without extent",
-            where="effects.light_sampling",
-            fix='leave it at "auto"',
-        )
-    effects = unique(
-        [
-            view_effect(material, left_out, light, settings),
-            *lobe_effects(material, left_out, settings),
-            fresnel_effect(material, settings),
-            colour,
-            spectral_effect(*_given(config)),
-            polarisation_effect(),
-            sampling,
-            full,
-            *flag_effects(material),
-            *use_effects(),
-        ]
-    )
+    effects = unique([*_of_the_material(config, probes, left_out), colour, sampling, full, *_of_maps(config, material)])
     kept, dropped = _kept(material, effects)
     return Plan(
         effects=effects,
@@ -128,11 +110,25 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
         grey=not colour.on,
         light_samples=sampling.on,
         resolution=resolution,
-        probe_seconds=probes.seconds + time.perf_counter() - start,
         seconds=None,
         bytes=None,
+        probe_seconds=probes.seconds + time.perf_counter() - start,
         costs_from=NOT_MEASURED,
     )
+
+
+def _of_the_material(config: Config, probes: Probes, left_out: Weights) -> Iterator[Effect]:
+    yield view_effect(probes.material, left_out, probes.light, config.effects)
+    yield from lobe_effects(probes.material, left_out, config.effects)
+    yield fresnel_effect(probes.material, config.effects)
+
+
+def _of_maps(config: Config, material: MaterialProbe) -> Iterator[Effect]:
+    """What maps of RGB radiance do not hold, or never need."""
+    yield spectral_effect(*_given(config))
+    yield polarisation_effect()
+    yield from flag_effects(material)
+    yield from use_effects()
 
 
 def _kept(material: MaterialProbe, effects: tuple[Effect, ...]) -> tuple[list[LobeProbe], tuple[str, ...]]:
