@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.effects.harmonics import LMAX
-from rsibr.effects.light_probe import LightProbe
+from rsibr.effects.light_probe import UNRESOLVED, LightProbe
 from rsibr.effects.material_probe import LobeProbe
 
 SECOND_MOMENT = 0.4
@@ -43,7 +43,9 @@ def reflected_variance(alpha: float) -> float:
 
 
 def relative_power(lobe: LobeProbe, light: LightProbe) -> float:
-    """⟨L²⟩/⟨L⟩² of the sky as the lobe shows it: 1 for a constant one."""
+    """⟨L²⟩/⟨L⟩² of the sky as the lobe shows it: 1 for a constant one, `UNRESOLVED` for a source without extent."""
+    if light.variance == UNRESOLVED:
+        return UNRESOLVED
     factors = attenuation(lobe) ** 2
     return float((light.bands * factors).sum() + light.beyond * factors[-1]) * (1 + light.variance)
 
@@ -63,13 +65,19 @@ def interpolation_error(lobe: LobeProbe, left_out: float, light: LightProbe, vie
         return 0.0
     trace, frobenius = _covariance_change(_FARTHEST / 2 ** max(0, _level(views)))
     scale = (4 * SECOND_MOMENT * lobe.alpha**2) ** 2
+    return float(left_out * min(1.0, _curvature(lobe, light) * scale * (trace + 2 * frobenius) / 32))
+
+
+def _curvature(lobe: LobeProbe, light: LightProbe) -> float:
+    """⟨(∇²L)²⟩/⟨L²⟩ of the sky as a glossy lobe shows it [rad⁻⁴]."""
+    variance = reflected_variance(lobe.alpha)
+    if light.variance == UNRESOLVED:
+        return 2 / variance**2  # of a Gaussian spot, in the plane
     bands = np.arange(LMAX + 1)
-    worst = max(float(LMAX * (LMAX + 1)), 2 / reflected_variance(lobe.alpha))
-    dampened = np.exp(-worst * reflected_variance(lobe.alpha))
+    worst = max(float(LMAX * (LMAX + 1)), 2 / variance)
     laplacian = float((light.bands * (bands * (bands + 1)) ** 2 * attenuation(lobe) ** 2).sum())
-    laplacian += light.beyond * worst**2 * dampened
-    blurred = laplacian * (1 + light.variance) * scale * (trace + 2 * frobenius) / 32
-    return float(left_out * min(1.0, blurred / relative_power(lobe, light)))
+    laplacian += light.beyond * worst**2 * np.exp(-worst * variance)
+    return float(laplacian * (1 + light.variance) / relative_power(lobe, light))
 
 
 def _level(views: int) -> int:
