@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from rsibr.effects.plan import Plan
 from rsibr.validate.estimate import Estimate
 from rsibr.validate.health_document import HealthModel
 from rsibr.validate.results import MethodResult, MethodSummary, Validation, ViewResult
@@ -159,6 +160,7 @@ class MetricsDocument(_Model):
     views: list[ViewModel]
     summary: dict[str, SummaryModel]
     health: HealthModel | None = Field(description="numerical health of the bake; null where nobody looked")
+    plan: Plan | None = Field(description="effects that the bake simulated or left out; null in bakes without a plan")
 
     def to_json(self) -> str:
         """Return strict JSON, indented."""
@@ -193,6 +195,7 @@ def metrics_document(validation: Validation) -> MetricsDocument:
         views=[ViewModel.of(view) for view in validation.views],
         summary={name: SummaryModel.of(s, validation.bake.bytes) for name, s in validation.summary.items()},
         health=None if validation.health is None else HealthModel.of(validation.health),
+        plan=validation.plan,
     )
 
 

@@ -105,7 +105,7 @@ def validate(
             found[name] = MethodResult(made.image, error, made.seconds)
         results.append(ViewResult(frame, reference, found, label))
     on_progress(len(chosen), len(chosen))
-    validation = Validation(_summary(opened), results, exposures, health)
+    validation = Validation(_summary(opened), results, exposures, health, opened.manifest.plan)
     if out is not None:
         write_report(validation, Path(out))
     return validation
