@@ -27,7 +27,6 @@ _ADDED = 3.0  # variance of the blur from one level to the next, in texels² of 
 _FIRST = 0.25  # variance of the first level, in its texels²: what each texel was looked up with
 _LOOKUP = 1 / 6  # variance of a bilinear lookup, in texels²
 _LEAST_HEIGHT = 0.01
-_LEAST_SEEN = 1e-3
 
 
 def finest_resolution(resolution: int) -> int:
@@ -94,7 +93,7 @@ def balance(weights: list[AngleTable], resolution: int) -> mi.Float:
         RGBA of the map with its border, flat; A means nothing.
     """
     p = facet_texels(resolution, border=1)
-    even = _summed(_stored(mi.Vector4f(_seen(facet_normal(p)))), weights, resolution)
+    even = _summed(_stored(mi.Vector4f(dr.maximum(facet_normal(p).z, 0))), weights, resolution)
     cosine = facet_normal(within_disk(p)).z
     wanted = mi.Vector4f(0)
     for weight in weights:
@@ -139,16 +138,11 @@ def _summed(finest: mi.Float, weights: list[AngleTable], resolution: int) -> mi.
     return total
 
 
-def _seen(h: mi.Vector3f) -> mi.Float:
-    """Area that the viewer sees of facets; beyond the rim next to none, yet enough that a lookup there finds light."""
-    return dr.maximum(h.z, _LEAST_SEEN)
-
-
 def _mirrored(frame: mi.Matrix3f, light: LightStack, resolution: int) -> mi.Float:
     """First level: the light that each facet mirrors, weighed by the area that the viewer sees of the facet."""
     p = facet_texels(resolution, border=1)
     h = facet_normal(p)
-    seen = _seen(h)
+    seen = dr.maximum(h.z, 0)
     direction = frame @ mi.Vector3f(2 * h.z * h.x, 2 * h.z * h.y, 2 * h.z * h.z - 1)
     # A texel's facets mirror into an ellipse, twice as wide as the texel and 2 cos θ: a disk of equal area
     width = angle_per_length(p) * (2 / resolution) * dr.sqrt(dr.maximum(seen, _LEAST_HEIGHT))

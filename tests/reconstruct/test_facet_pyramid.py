@@ -91,6 +91,14 @@ def test_a_level_is_as_blurred_as_it_says(level, degree):
     assert found == pytest.approx([1 + 0.5 * damping] * 3, abs=0.01 + 0.1 * (1 - damping) * 0.5)
 
 
+@pytest.mark.parametrize("levels", [[1, 0, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 0, 1], [1, 0, 0, 0, 2]])
+def test_weights_that_do_not_change_need_no_balance(levels):
+    """Nor is any light lost at the rim, beyond which no facet is seen."""
+    for resolution in (96, 112, 256):
+        factors = balance(weights(levels), resolution).numpy().reshape(-1, 4)[:, :3]
+        assert np.abs(factors - 1).max() < 1e-5
+
+
 def test_widths_double_from_level_to_level():
     variances = level_variances()
     assert variances[2:] / variances[1:-1] == pytest.approx(np.full(LEVELS - 2, 4.0), rel=0.15)
