@@ -17,7 +17,7 @@ from rsibr.effects.fit import ProxyLobe
 from rsibr.effects.kernel import LobeKernel
 from rsibr.errors import BakeError, InputError
 from rsibr.geometry.spherical import area_weights, gnomonic_weights
-from rsibr.geometry.viewpoints import from_directions
+from rsibr.geometry.viewpoints import from_directions, icosphere
 from rsibr.reconstruct.blend import Mix, nearest_mix, triangle_mix
 from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.lobe_albedo import LobeAlbedo
@@ -66,7 +66,8 @@ class MethodSet:
         self._lobes = bake.manifest.lobes
         self._sources = self._on_device([m.radiance for m in maps])
         self._bake = bake
-        self._viewpoints = from_directions(bake.directions, bake.triangles)
+        # Where one map was enough nothing is looked up between views: any will do
+        self._viewpoints = from_directions(bake.directions, bake.triangles) if bake.has_views else icosphere(0)
         self._warp = WARPS[bake.manifest.material.warp]
         self._cost = Cost(bake.seconds, bake.bytes)
         self._made: dict[str, Method] = {}
@@ -108,8 +109,8 @@ class MethodSet:
             corrections=corrections,
         )
 
-    def fine(self, *, uses_maps: bool = True) -> FineMethod:
-        """Make the method `rsibr-fine`, or its model alone.
+    def fine(self, *, uses_maps: bool | None = None) -> FineMethod:
+        """Make the method `rsibr-fine`, or its model alone: by default that where the bake holds one map alone.
 
         Raises
         ------
@@ -120,25 +121,37 @@ class MethodSet:
             (LobeModel.of(kernel, self._stack, self._bake.light), LobeAlbedo.of(albedo))
             for kernel, albedo in self._kernels()
         ]
-        return self._with_residuals(FineMethod, "rsibr-fine", uses_maps=uses_maps, lobes=lobes)
+        return self._with_residuals(FineMethod, "rsibr-fine", uses_maps, lobes=lobes)
 
-    def prefiltered(self, *, uses_maps: bool = True) -> PrefilteredMethod:
-        """Make the method `rsibr`, or its model alone; raises as `fine` does."""
+    def prefiltered(self, *, uses_maps: bool | None = None) -> PrefilteredMethod:
+        """Make the method `rsibr`, or its model alone; see `fine`."""
         kernels, stack, light = self._kernels(), self._stack, self._bake.light
         return self._with_residuals(
             PrefilteredMethod,
             "rsibr",
-            uses_maps=uses_maps,
+            uses_maps,
             prefilter=lambda resolution: PrefilteredLobes.of(kernels, stack, light, resolution),
             by_itself=lambda: self["rsibr-fine"],
         )
 
-    def _with_residuals(self, kind: type[_Modelled], name: str, **rest: Any) -> _Modelled:
+    def _with_residuals(self, kind: type[_Modelled], name: str, uses_maps: bool | None, **rest: Any) -> _Modelled:
         """Make a method with a model, and put into its sources what the model leaves unsaid."""
         albedo = LobeAlbedo.of(np.sum([np.array(record.albedo) for record in self._lobes], axis=0))
         mix = triangle_mix(gnomonic_weights)
-        made = kind(name, self._viewpoints, self._sources, mix, MirrorWarp.between, self._cost, albedo=albedo, **rest)
-        made.sources = self._on_device([made.left_over(m.radiance, m.frame) for m in self._maps])
+        carries = self._bake.has_views if uses_maps is None else uses_maps
+        made = kind(
+            name,
+            self._viewpoints,
+            self._sources,
+            mix,
+            MirrorWarp.between,
+            self._cost,
+            albedo=albedo,
+            uses_maps=carries,
+            **rest,
+        )
+        if carries:
+            made.sources = self._on_device([made.left_over(m.radiance, m.frame) for m in self._maps])
         return made
 
     def _kernels(self) -> list[tuple[LobeKernel, NDArray[np.float64]]]:
@@ -163,6 +176,12 @@ class MethodSet:
             return self.prefiltered()
         if name == "rsibr-fine":
             return self.fine()
+        if not self._bake.has_views:
+            raise BakeError(
+                f"it holds one map, for its lobes have closed forms, and '{name}' needs views all around",
+                where=str(self._bake.path),
+                fix='bake with effects.view_dependence = "on", or use rsibr',
+            )
         kind, mix, warp = _RECIPES[name](self._warp)
         return kind(name, self._viewpoints, self._sources, mix, warp, self._cost)
 
@@ -172,8 +191,10 @@ class MethodSet:
 
 
 def available(bake: Bake) -> tuple[str, ...]:
-    """Names of the methods that a bake has all for: `rsibr` needs its lobes kept apart."""
-    return METHODS if bake.manifest.lobes else tuple(_RECIPES)
+    """Names of the methods that a bake has all for: those of 1999 need its views, and ours its lobes and its light."""
+    modelled = bake.manifest.lobes and bake.manifest.light is not None
+    of_views, of_light = tuple(_RECIPES), tuple(name for name in METHODS if name not in _RECIPES)
+    return (*(of_views if bake.has_views else ()), *(of_light if modelled else ()))
 
 
 def checked_name(name: str) -> str:
