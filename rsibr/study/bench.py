@@ -68,6 +68,7 @@ class Bench:
     journal: Journal
     store: TruthStore
     bakes: Path
+    _opened: BakedMaps | None = None
 
     def key(self, kind: str, **settings: Any) -> dict[str, Any]:
         """What a result depends on, beside its own settings."""
@@ -104,15 +105,16 @@ class Bench:
             noise_floor=float(np.mean([noise_floor(reference) for reference in self.references])),
         )
 
+    def known_path_tracing(self, samples: int) -> PathTracingRecord | None:
+        """Return what was measured of path tracing before."""
+        known = self.journal.find(self.key("path-tracing", path_tracing=samples))
+        return None if known is None else PathTracingRecord.model_validate_json(canonical(known))
+
     def path_tracing(self, samples: int) -> PathTracingRecord:
-        """Error and time of path tracing with so many samples, measured unless that was done before."""
-        key = self.key("path-tracing", path_tracing=samples)
-        known = self.journal.find(key)
-        if known is not None:
-            return PathTracingRecord.model_validate_json(canonical(known))
+        """Error and time of path tracing with so many samples, kept in the journal."""
         options = {"seed": self.scene.seed, "runs": self.judge.repeats}
         found = path_tracing_point(self.scene.tracer, self.frames, self.references, self.exposures, samples, **options)
-        self.journal.store(key, found.model_dump(mode="json"))
+        self.journal.store(self.key("path-tracing", path_tracing=samples), found.model_dump(mode="json"))
         return found
 
     def known_point(self, size: BakeSize, variant: Variant) -> PointRecord | None:
@@ -120,13 +122,21 @@ class Bench:
         known = self.journal.find(self.key("point", size=vars(size), variant=vars(variant)))
         return None if known is None else PointRecord.model_validate_json(canonical(known))
 
-    def bake(self, size: BakeSize) -> BakedMaps:
-        """Bake at a size, or go on with a bake that was killed, or open the one that is there."""
-        config = size.config(self.scene.config)
+    def measure(self, size: BakeSize, variant: Variant) -> PointRecord:
+        """Error and cost of a variant's pictures of all judged views, kept in the journal."""
+        if self._opened is None or self._opened.size != size:
+            self.bake(size)
+        point = cast(BakedMaps, self._opened).measure(variant)
+        self.journal.store(self.key("point", size=vars(size), variant=vars(variant)), point.model_dump(mode="json"))
+        return point
+
+    def bake(self, size: BakeSize) -> None:
+        """Bake at a size, or go on with a bake that was killed, and open it; the one opened before is let go."""
+        self.release()
         key = {"kind": "bake", **self.scene.identity, "size": vars(size)}
         scene = f"{self.scene.material_name}-{self.scene.environment_name}".replace("/", "-").replace(" ", "-")
         path = self.bakes / f"{scene}-{checksum(canonical(key))[:12]}.rsibr"
-        begun, start = path.exists(), time.perf_counter()
+        begun, config, start = path.exists(), size.config(self.scene.config), time.perf_counter()
         try:
             baked = bake(config, out=path)
         except BakeError:  # of an older version, or damaged: the name holds the hash of what it must be
@@ -136,7 +146,11 @@ class Bench:
         if known is None or not begun:
             known = _bake_record(baked, size, None if begun else wall).model_dump(mode="json")
             self.journal.store(key, known)
-        return BakedMaps(self, baked, BakeRecord.model_validate_json(canonical(known)), size)
+        self._opened = BakedMaps(self, baked, BakeRecord.model_validate_json(canonical(known)), size)
+
+    def release(self) -> None:
+        """Let the opened bake go, with its maps on the device."""
+        self._opened = None
 
 
 @dataclass(eq=False)
@@ -159,13 +173,13 @@ class BakedMaps:
     _noise: dict[Variant, float] = field(default_factory=dict)
 
     def measure(self, variant: Variant) -> PointRecord:
-        """Error and cost of the pictures of all judged views, kept in the journal."""
+        """Error and cost of the pictures of all judged views."""
         bench, method = self.bench, variant_of(self._at(variant.precision), variant)
         images, seconds = self._timed(method)
         judged = zip(images, bench.references, strict=True)
         error = ErrorRecord.of([compare(image, truth, bench.exposures, name=str(variant)) for image, truth in judged])
         noise = self._noise_of(variant)
-        point = PointRecord(
+        return PointRecord(
             label=label_of(variant, self.record.views, self.record.resolution, self.record.samples),
             **vars(variant),
             bake=self.record,
@@ -176,9 +190,6 @@ class BakedMaps:
             frame_seconds=Timing.of(seconds),
             bytes=bytes_read(self.bake, method, variant.precision),
         )
-        key = bench.key("point", size=vars(self.size), variant=vars(variant))
-        bench.journal.store(key, point.model_dump(mode="json"))
-        return point
 
     def _timed(self, method: Any) -> tuple[Images, list[float]]:
         """Picture of each judged view, and the times of its repeats; the first run, which compiles, does not count."""
@@ -216,7 +227,7 @@ class BakedMaps:
         bench = self.bench
         names = [record.name for record in self.bake.manifest.lobes]
         truths = [bench.lobe_truth(frame) for frame in bench.frames]
-        return lobe_errors(cast(LobedMethod, method), names, bench.frames, truths, bench.references)
+        return lobe_errors(method, names, bench.frames, truths, bench.references)
 
 
 def _bake_record(baked: Bake, size: BakeSize, wall_seconds: float | None) -> BakeRecord:

@@ -46,7 +46,7 @@ def lobe_truth(scene: Scene, frame: NDArray[np.float64], samples: int, store: Tr
         bsdf = scene.material.bsdf()
         integrator = SphereIntegrator(scene.environment.emitter(), bsdf, scene.resolution, LobeSplit.of(bsdf))
         each = -(-samples // MINIMUM_BUFFERS)
-        view = frame[:, 2].view(np.uint32)
+        view = (frame[:, 2] + 0.0).view(np.uint32)  # + 0.0: −0 and 0 are one direction
         branches = [(_LOBE_BRANCH, *(int(word) for word in view), block) for block in range(MINIMUM_BUFFERS)]
         seeds = [np.random.SeedSequence(scene.seed, spawn_key=branch) for branch in branches]
         blocks = [integrator.block(frame, each, seed) for seed in seeds]
@@ -65,7 +65,7 @@ def lobe_errors(
     truths: Sequence[Arrays],
     references: Sequence[Reference],
 ) -> dict[str, EstimateModel]:
-    """relMSE that each lobe's own error makes, mean over the views.
+    """Relative MSE that each lobe's own error makes, mean over the views.
 
     Parameters
     ----------
