@@ -8,6 +8,7 @@ from typing import Literal
 from pydantic import Field
 
 from rsibr.study.analysis import SceneAnalysis
+from rsibr.study.doubling import DoublingRecord
 from rsibr.study.results import Positive, Record, SceneRecord
 
 
@@ -41,6 +42,7 @@ class StudyDocument(Record):
     seconds: Positive = Field(description="what it took; only a resumed run's own part")
     scenes: list[SceneRecord]
     analyses: list[SceneAnalysis] = Field(description="one a scene, in their order")
+    doubling: list[DoublingRecord] = Field(description="path tracing, then each method: mean over the scenes")
 
     def to_json(self) -> str:
         """Return strict JSON, indented."""

@@ -24,13 +24,13 @@ from rsibr.study.scene import Scene, reference_key
 _PROBE_RESOLUTION = 48
 _PROBE_SAMPLES = 64
 
-# What things take beside their samples, measured on two cores; a forecast need not be closer than the machine is steady.
-_PER_VIEW = 0.12  # a map is launched in blocks, checked, compressed and synced to the disk
-_PER_BAKE = 1.5  # environment, material and lobes are loaded and fitted, kernels taken from the disk
-_PER_TRUTH = 0.15
-_PER_POINT = 0.6  # maps go to the device, kernels are compiled
-_PER_PICTURE = 0.006
-_PER_COMPARISON = 0.06
+# What things take beside their samples, measured on two cores: no closer than the machine is steady.
+_PER_VIEW = 0.04  # a map is launched in blocks, checked, compressed and synced to the disk
+_PER_BAKE = 0.6  # environment, material and lobes are loaded and fitted, kernels taken from the disk
+_PER_TRUTH = 0.2
+_PER_POINT = 0.15  # maps go to the device, kernels are compiled
+_PER_PICTURE = 0.004
+_PER_COMPARISON = 0.03
 _UNTIMED_PICTURES = 4  # one that compiles, two for the noise, one of each lobe
 
 

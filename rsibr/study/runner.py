@@ -17,6 +17,7 @@ from rsibr.study.analysis import SceneAnalysis, analyse
 from rsibr.study.bench import Bench
 from rsibr.study.config import StudyConfig, load_study, parse_study
 from rsibr.study.document import JudgeRecord, MachineRecord, StudyDocument
+from rsibr.study.doubling import doubling_of
 from rsibr.study.forecast import Step, measured_rates, steps_of
 from rsibr.study.journal import Journal, lock_study
 from rsibr.study.plan import Plan, plan_of
@@ -91,7 +92,7 @@ def study(
     Parameters
     ----------
     config : StudyConfig, mapping or path
-        What to vary and how to judge; a path to a TOML file, or its tables (relative paths start at the working folder).
+        What to vary and how to judge: a TOML file, or its tables (relative paths then start at the working folder).
     out : path
         Directory of the study, made if need be.
     on_progress : callable
@@ -132,6 +133,7 @@ def study(
             seconds=time.perf_counter() - start,
             scenes=scenes,
             analyses=[analyse(scene, settings.judge.frames) for scene in scenes],
+            doubling=doubling_of(scenes, settings.judge.frames),
         )
         write_study(document, folder)
     return Study(document, folder)

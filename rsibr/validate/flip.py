@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 _threads = os.environ.get("OMP_NUM_THREADS")
-os.environ["OMP_NUM_THREADS"] = "1"  # read once, when it is loaded: its threads spin, 15 times slower where cores are busy
+os.environ["OMP_NUM_THREADS"] = (
+    "1"  # read once, when it is loaded: its threads spin, 15 times slower where cores are busy
+)
 import flip_evaluator  # noqa: E402
 
 if _threads is None:
