@@ -9,7 +9,7 @@ from pydantic import Field
 
 from rsibr.study.convergence import PowerLaw, fit_flattening, fit_power_law
 from rsibr.study.fronts import front_of
-from rsibr.study.results import PointRecord, Positive, Record, SceneRecord
+from rsibr.study.results import PathTracingRecord, PointRecord, Positive, Record, SceneRecord
 from rsibr.validate.results import break_even_views
 
 JOBS = (1, 10, 100, 1000, 10_000)
@@ -91,6 +91,7 @@ class SceneAnalysis(Record):
     """What the points of a scene say together."""
 
     path_tracing: SlopeRecord
+    progressive: SlopeRecord = Field(description="path tracing in passes: -1 where the passes are independent")
     convergence: list[ConvergenceRecord]
     fronts: dict[str, FrontRecord] = Field(description="over bake_seconds, bytes and frame_seconds")
     job_front: list[str] = Field(description="points that nothing beats in error and time of the whole job")
@@ -107,20 +108,25 @@ def analyse(scene: SceneRecord, frames: int) -> SceneAnalysis:
     frames : int
         Pictures of the job that `rivals` and `job_front` are told for.
     """
-    pictures = scene.path_tracing
-    seconds, errors = [p.seconds.median for p in pictures], [p.error.rel_mse.value for p in pictures]
-    law = fit_power_law(seconds, np.maximum(errors, np.finfo(float).tiny).tolist())
-    points = scene.points
+    law, points = _law(scene.path_tracing), scene.points
     on = front_of([point.job_seconds(frames) for point in points], [point.rel_mse for point in points]).on
     rivals = [_rival(point, law, frames) for point in points]
     return SceneAnalysis(
         path_tracing=SlopeRecord.of(law),
+        progressive=SlopeRecord.of(_law(scene.progressive)),
         convergence=convergence_of(points),
         fronts={name: _front(points, cost) for name, cost in COSTS.items()},
         job_front=[points[index].label for index in on],
         rivals=sorted(rivals, key=lambda row: row.job_seconds),
         crossover=[crossover(points, law, pictures) for pictures in JOBS],
     )
+
+
+def _law(pictures: Sequence[PathTracingRecord]) -> PowerLaw:
+    """Error over time of path tracing; what its reference cannot tell from none counts as the least that it can."""
+    errors = [max(p.error.rel_mse.value, p.error.rel_mse.ci95[1] - p.error.rel_mse.value) for p in pictures]
+    tiny = float(np.finfo(np.float32).tiny)
+    return fit_power_law([p.seconds.median for p in pictures], [max(error, tiny) for error in errors])
 
 
 def convergence_of(points: Sequence[PointRecord]) -> list[ConvergenceRecord]:

@@ -24,7 +24,7 @@ from rsibr.study.config import JudgeConfig
 from rsibr.study.journal import Journal
 from rsibr.study.lobes import lobe_errors, lobe_truth
 from rsibr.study.noise import NoisyBake, noise_of, without
-from rsibr.study.path_tracing import path_tracing_point
+from rsibr.study.path_tracing import path_tracing_points
 from rsibr.study.plan import BakeSize, Variant
 from rsibr.study.results import (
     BakeRecord,
@@ -105,17 +105,25 @@ class Bench:
             noise_floor=float(np.mean([noise_floor(reference) for reference in self.references])),
         )
 
-    def known_path_tracing(self, samples: int) -> PathTracingRecord | None:
+    def known_path_tracing(self, samples: Sequence[int], pass_samples: int | None) -> list[PathTracingRecord] | None:
         """Return what was measured of path tracing before."""
-        known = self.journal.find(self.key("path-tracing", path_tracing=samples))
-        return None if known is None else PathTracingRecord.model_validate_json(canonical(known))
+        known = self.journal.find(self.key("path-tracing", samples=list(samples), pass_samples=pass_samples))
+        return None if known is None else [PathTracingRecord.model_validate_json(canonical(one)) for one in known]
 
-    def path_tracing(self, samples: int) -> PathTracingRecord:
-        """Error and time of path tracing with so many samples, kept in the journal."""
-        options = {"seed": self.scene.seed, "runs": self.judge.repeats}
-        found = path_tracing_point(self.scene.tracer, self.frames, self.references, self.exposures, samples, **options)
-        self.journal.store(self.key("path-tracing", path_tracing=samples), found.model_dump(mode="json"))
-        return found
+    def path_tracing(self, samples: Sequence[int], pass_samples: int | None) -> None:
+        """Measure path tracing with so many samples, in all and of a pass, and keep it in the journal."""
+        found = path_tracing_points(
+            self.scene.tracer,
+            self.frames,
+            self.references,
+            self.exposures,
+            samples,
+            pass_samples=pass_samples,
+            seed=self.scene.seed,
+            runs=self.judge.repeats,
+        )
+        key = self.key("path-tracing", samples=list(samples), pass_samples=pass_samples)
+        self.journal.store(key, [record.model_dump(mode="json") for record in found])
 
     def known_point(self, size: BakeSize, variant: Variant) -> PointRecord | None:
         """Return a point that was measured before."""

@@ -146,9 +146,19 @@ class JudgeConfig(_Section):
 
 
 class PathTracingConfig(_Section):
-    """Path tracing as a rival: samples a texel of each of its pictures; at least three, to fit its slope."""
+    """Path tracing as a rival, in two forms.
 
-    samples: Annotated[_Axis[_Samples], AfterValidator(_three)] = (64, 256, 1024)
+    Attributes
+    ----------
+    samples : list of int
+        Samples a texel of its pictures, at least three, to fit its slope. Squares are stratified best.
+    pass_samples : int
+        Samples of a pass of the progressive form, whose passes share no strata: its error falls as that of independent
+        samples. The other form stratifies all samples of a picture among each other, and is the rival.
+    """
+
+    samples: Annotated[_Axis[_Samples], AfterValidator(_three)] = (64, 256, 576, 1024)
+    pass_samples: _Samples = 64
 
 
 class _File(_Section):

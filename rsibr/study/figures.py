@@ -11,11 +11,13 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter, LogLocator
 
 from rsibr.study.analysis import COSTS, ConvergenceRecord, SceneAnalysis
+from rsibr.study.convergence import PowerLaw
 from rsibr.study.document import StudyDocument
 from rsibr.study.doubling import PATH_TRACING, DoublingRecord
-from rsibr.study.results import PointRecord, SceneRecord
+from rsibr.study.results import PathTracingRecord, PointRecord, SceneRecord
 
 COLOURS = {
     PATH_TRACING: "#222222",
@@ -29,7 +31,7 @@ COLOURS = {
 _OTHERS = ("#009e73", "#cc79a7", "#56b4e9", "#f0e442")
 _MARKERS = "osD^vP*X"
 _FLOOR = "#e8e8e8"
-_COST_LABELS = {"bake_seconds": "seconds to bake", "bytes": "bytes", "frame_seconds": "seconds a picture"}
+_COST_LABELS = {"bake_seconds": ("to bake", "s"), "bytes": ("in memory", "B"), "frame_seconds": ("a picture", "s")}
 
 _STYLE: Any = {  # Matplotlib types its keys one by one
     "svg.fonttype": "none",
@@ -91,7 +93,8 @@ def headline(document: StudyDocument) -> Figure:
     )
     right.set_ylim(bottom=0.9)
     for axes in (left, right):
-        axes.set_xlabel(f"seconds to bake and to make {document.judge.frames} pictures")
+        axes.set_xlabel(f"time to bake and to make {document.judge.frames} pictures")
+        _count_in(axes, "s")
     left.legend(loc="best")
     return figure
 
@@ -102,11 +105,9 @@ def convergence(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
     figure = Figure(figsize=(11, 5), layout="constrained")
     axes = figure.subplots()
     _floor(axes, scene.reference.noise_floor)
-    rivals, law = scene.path_tracing, analysis.path_tracing.law
-    _with_bars(axes, [r.seconds.median for r in rivals], [r.error.rel_mse for r in rivals], "black", "s")
-    ends = np.array(law.range)
-    name = f"path tracing, a picture: slope {law.slope:.2f}".replace("-", "−")
-    axes.plot(ends, [law.at(x) for x in ends], color="black", linewidth=1, label=name)
+    _rival(axes, scene.path_tracing, analysis.path_tracing.law, "path tracing, a picture", "#222222")
+    each = scene.progressive[0].pass_samples
+    _rival(axes, scene.progressive, analysis.progressive.law, f"the same in passes of {each}", "#8a8a8a")
     by_label = {point.label: point for point in scene.points}
     curved = {label for curve in analysis.convergence for label in curve.points}
     for number, curve in enumerate(analysis.convergence):
@@ -114,7 +115,8 @@ def convergence(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
     alone = [point for point in scene.points if point.label not in curved and point.rel_mse > 0]
     for point in alone:
         axes.plot(point.bake.seconds.median, point.rel_mse, ".", color=colour_of(point.method), alpha=0.4)
-    axes.set(xscale="log", yscale="log", ylabel="relMSE", xlabel="seconds: to bake, or to path-trace one picture")
+    axes.set(xscale="log", yscale="log", ylabel="relMSE", xlabel="time to bake, or to path-trace one picture")
+    _count_in(axes, "s")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8.5)
     return figure
 
@@ -124,7 +126,7 @@ def fronts(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
     """Error over each cost: the front as a line, dominated points hollow."""
     figure = Figure(figsize=(11, 3.8), layout="constrained")
     for axes, (name, cost) in zip(figure.subplots(1, len(COSTS), sharey=True), COSTS.items(), strict=True):
-        on = analysis.fronts[name].on
+        on, (label, unit) = analysis.fronts[name].on, _COST_LABELS[name]
         line = [point for label in on for point in scene.points if point.label == label and point.rel_mse > 0]
         axes.step([cost(p) for p in line], [p.rel_mse for p in line], where="post", color="#bbbbbb", linewidth=1.2)
         for method in dict.fromkeys(point.method for point in scene.points):
@@ -135,7 +137,8 @@ def fronts(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
                 axes.scatter(
                     *points, s=26, facecolors=face, edgecolors=colour_of(method), label=method if front else None
                 )
-        axes.set(xscale="log", yscale="log", xlabel=_COST_LABELS[name])
+        axes.set(xscale="log", yscale="log", xlabel=label)
+        _count_in(axes, unit)
     figure.axes[0].set_ylabel("relMSE")
     figure.axes[-1].legend(loc="best", fontsize=8)
     return figure
@@ -175,6 +178,12 @@ def _dots(axes: Axes, rows: Any, values: Iterable[float | None], marker: str, co
         axes.scatter(*zip(*known, strict=True), marker=marker, color=colour, label=label, **options)
 
 
+def _rival(axes: Axes, rivals: Sequence[PathTracingRecord], law: PowerLaw, name: str, colour: str) -> None:
+    _with_bars(axes, [r.seconds.median for r in rivals], [r.error.rel_mse for r in rivals], colour, "s")
+    label = f"{name}, slope {law.slope:.2f}".replace("-", "−")
+    axes.plot(law.range, [law.at(x) for x in law.range], color=colour, linewidth=1, label=label)
+
+
 def _curve(axes: Axes, curve: ConvergenceRecord, points: Sequence[PointRecord], marker: str) -> None:
     """Points of a curve, the fit bias + noise/samples, and a mark where the two are equal."""
     colour = colour_of(points[0].method)
@@ -207,9 +216,17 @@ def _with_bars(axes: Axes, x: Sequence[float], estimates: Sequence[Any], colour:
     )
 
 
+def _count_in(axes: Axes, unit: str) -> None:
+    """Name the ticks of a logarithmic axis with their unit: 20 ms, 1 MB."""
+    for place in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
+        place(EngFormatter(unit))
+    axes.xaxis.set_minor_locator(LogLocator(subs=(2, 5)))
+    axes.tick_params(axis="x", which="both", labelsize=8)
+
+
 def _floor(axes: Axes, floor: float) -> None:
     """Band of errors below the noise of the reference: seen only because that noise is taken out."""
-    axes.axhspan(floor * 1e-3, floor, color=_FLOOR, zorder=0)
+    axes.axhspan(floor / 5, floor, color=_FLOOR, zorder=0)
     place = axes.get_yaxis_transform()
     axes.text(
         0.99, floor * 0.93, "noise of the reference", transform=place, ha="right", va="top", fontsize=8, color="#777777"

@@ -17,6 +17,7 @@ from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.scene.views import load_viewpoints
 from rsibr.study.bench import Bench
+from rsibr.study.config import PathTracingConfig
 from rsibr.study.lobes import lobe_key
 from rsibr.study.plan import BakeSize, Plan, Variant
 from rsibr.study.scene import Scene, reference_key
@@ -72,7 +73,7 @@ def measured_rates(scene: Scene) -> Rates:
     return Rates(covered * _PROBE_SAMPLES / block, scene.resolution**2 * _PROBE_SAMPLES / picture)
 
 
-def steps_of(bench: Bench, plan: Plan, path_tracing: Sequence[int], rates: Rates) -> Iterator[Step]:
+def steps_of(bench: Bench, plan: Plan, path_tracing: PathTracingConfig, rates: Rates) -> Iterator[Step]:
     """List what is still to be measured in a scene, in order.
 
     Parameters
@@ -81,18 +82,20 @@ def steps_of(bench: Bench, plan: Plan, path_tracing: Sequence[int], rates: Rates
         Where the scene is measured; what its journal knows is no step any more.
     plan : Plan
         Bakes, and the pictures of each.
-    path_tracing : sequence of int
+    path_tracing : PathTracingConfig
         Samples of the path-traced pictures.
     rates : Rates
         How fast the machine is.
     """
     yield from _truths(bench, plan, rates)
-    comparisons = len(bench.frames) * _PER_COMPARISON
-    for samples in path_tracing:
-        if bench.known_path_tracing(samples) is None:
-            pictures = max(bench.judge.repeats, len(bench.frames)) + 1
-            seconds = pictures * bench.scene.resolution**2 * samples / rates.path_tracing + comparisons
-            yield Step(f"path tracing, {samples} samples", seconds, partial(bench.path_tracing, samples))
+    samples, pictures = sorted(path_tracing.samples), max(bench.judge.repeats, len(bench.frames))
+    for pass_samples in (None, path_tracing.pass_samples):
+        if bench.known_path_tracing(samples, pass_samples) is None:
+            texels = bench.scene.resolution**2
+            seconds = (pictures + 1) * texels * sum(samples) / rates.path_tracing
+            name = "path tracing" if pass_samples is None else "path tracing in passes"
+            comparisons = len(samples) * len(bench.frames) * _PER_COMPARISON
+            yield Step(name, seconds + comparisons, partial(bench.path_tracing, samples, pass_samples))
     for size, variants in plan.items():
         missing = [variant for variant in variants if bench.known_point(size, variant) is None]
         if missing:

@@ -11,7 +11,7 @@ import rsibr
 from rsibr.study import figures
 from rsibr.study.analysis import SceneAnalysis
 from rsibr.study.document import StudyDocument
-from rsibr.study.doubling import PATH_TRACING, DoublingRecord
+from rsibr.study.doubling import DoublingRecord
 from rsibr.study.results import PointRecord, SceneRecord
 from rsibr.validate.document import EstimateModel
 from rsibr.validate.estimate import readable
@@ -105,8 +105,7 @@ def _sentence(record: DoublingRecord, frames: int) -> str:
         return f"{record.method}: {reach} for {frames} pictures; no longer time was measured to compare with."
     first, last = readable(known[0], 2), readable(known[-1], 2)
     buys = f"divides the error by {first}" + ("" if len(known) == 1 else f" at first and by {last} at the end")
-    kept = " It never stops." if record.method == PATH_TRACING else ""
-    return f"{record.method}: {reach} for {frames} pictures; twice the time {buys}.{kept}"
+    return f"{record.method}: {reach} for {frames} pictures; twice the time {buys}."
 
 
 def _shown(scene: SceneRecord, analysis: SceneAnalysis) -> _Shown:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.study.results import ErrorRecord, PathTracingRecord, Timing
 from rsibr.validate.flip import Exposures
-from rsibr.validate.metrics import compare
+from rsibr.validate.metrics import MapError, compare
 from rsibr.validate.reference import LANES_PER_LAUNCH, Reference, ReferenceRenderer
 
 _RIVAL_BRANCH = 0x7269_7661
@@ -22,7 +23,7 @@ class PathTracer(ReferenceRenderer):
     """The renderer of the references, asked for a single picture as a user would: no buffers to tell noise by."""
 
     def picture(
-        self, frame: NDArray[np.float64], samples: int, seeds: np.random.SeedSequence
+        self, frame: NDArray[np.float64], samples: int, seeds: np.random.SeedSequence, pass_samples: int | None = None
     ) -> tuple[NDArray[np.float32], float]:
         """Path-trace the sphere map of one view.
 
@@ -34,6 +35,8 @@ class PathTracer(ReferenceRenderer):
             Samples a texel, split evenly where one launch cannot hold them; a square number is stratified best.
         seeds : SeedSequence
             Fixes every random number.
+        pass_samples : int, optional
+            Samples of a pass, stratified among each other and not with those of another; by default all of them.
 
         Returns
         -------
@@ -42,8 +45,9 @@ class PathTracer(ReferenceRenderer):
         seconds : float
             Time of the rendering, device finished, nothing compiled.
         """
-        launches = -(-samples * self.resolution**2 // LANES_PER_LAUNCH)
-        spp = -(-samples // launches)
+        most = min(pass_samples or samples, max(1, LANES_PER_LAUNCH // self.resolution**2))
+        launches = -(-samples // most)
+        spp = most if pass_samples else -(-samples // launches)
         self._look_along(frame)
         self._warm_up(spp)
         start = time.perf_counter()
@@ -56,16 +60,17 @@ class PathTracer(ReferenceRenderer):
         return image.astype(np.float32), seconds
 
 
-def path_tracing_point(
+def path_tracing_points(
     tracer: PathTracer,
     frames: Sequence[NDArray[np.float64]],
     references: Sequence[Reference],
     exposures: Exposures,
-    samples: int,
+    samples: Sequence[int],
     *,
+    pass_samples: int | None = None,
     seed: int,
     runs: int,
-) -> PathTracingRecord:
+) -> list[PathTracingRecord]:
     """Error and time of path-traced pictures of all judged views.
 
     Parameters
@@ -75,19 +80,35 @@ def path_tracing_point(
         Of the judged views.
     exposures : Exposures
         Those of FLIP.
-    samples : int
-        Samples a texel.
+    samples : sequence of int
+        Samples a texel. They take turns, so that a slow moment of the machine bends no line.
+    pass_samples : int, optional
+        Samples of a pass; by default all of a picture.
     seed : int
         Root of the seed tree.
     runs : int
         Timed pictures at least, all views together.
+
+    Returns
+    -------
+    list of PathTracingRecord
+        One for each of `samples`, in their order.
     """
-    errors, seconds = [], []
-    for number in range(max(runs, len(frames))):
+    errors: dict[int, list[MapError]] = {count: [] for count in samples}
+    seconds: dict[int, list[float]] = {count: [] for count in samples}
+    for number, count in product(range(max(runs, len(frames))), samples):
         view = number % len(frames)
-        seeds = np.random.SeedSequence(seed, spawn_key=(_RIVAL_BRANCH, samples, number))
-        image, took = tracer.picture(frames[view], samples, seeds)
-        seconds.append(took)
+        seeds = np.random.SeedSequence(seed, spawn_key=(_RIVAL_BRANCH, count, pass_samples or 0, number))
+        image, took = tracer.picture(frames[view], count, seeds, pass_samples)
+        seconds[count].append(took)
         if number < len(frames):
-            errors.append(compare(image, references[view], exposures, name=f"path tracing, {samples} samples"))
-    return PathTracingRecord(samples=samples, error=ErrorRecord.of(errors), seconds=Timing.of(seconds))
+            errors[count].append(compare(image, references[view], exposures, name=f"path tracing, {count} samples"))
+    return [
+        PathTracingRecord(
+            samples=count,
+            pass_samples=pass_samples,
+            error=ErrorRecord.of(errors[count]),
+            seconds=Timing.of(seconds[count]),
+        )
+        for count in samples
+    ]

@@ -82,10 +82,11 @@ def _table(document: StudyDocument) -> str:
 
 def _rows(scene: SceneRecord) -> Iterator[dict[str, Any]]:
     place = {"material": scene.material, "environment": scene.environment}
-    for rival in scene.path_tracing:
+    for rival in (*scene.path_tracing, *scene.progressive):
         timing = rival.seconds
         times = {"frame_seconds": timing.median, "frame_seconds_low": timing.low, "frame_seconds_high": timing.high}
-        yield {**place, "method": "path tracing", "samples": rival.samples, **_error(rival.error), **times}
+        method = "path tracing" if rival.pass_samples is None else f"path tracing, passes of {rival.pass_samples}"
+        yield {**place, "method": method, "samples": rival.samples, **_error(rival.error), **times}
     for point in scene.points:
         yield {**place, **_point(point), **_error(point.error)}
 

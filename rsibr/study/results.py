@@ -128,6 +128,7 @@ class PathTracingRecord(Record):
     """Path-traced pictures, by no random number that a reference used."""
 
     samples: int
+    pass_samples: int | None = Field(description="samples of a pass; null: all stratified among each other")
     error: ErrorRecord
     seconds: Timing = Field(description="a picture")
 
@@ -148,7 +149,8 @@ class SceneRecord(Record):
     material: str
     environment: str
     reference: ReferenceRecord
-    path_tracing: list[PathTracingRecord]
+    path_tracing: list[PathTracingRecord] = Field(description="all samples of a picture stratified among each other")
+    progressive: list[PathTracingRecord] = Field(description="path tracing in passes that share no strata")
     points: list[PointRecord]
 
     @property

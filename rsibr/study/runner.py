@@ -120,7 +120,7 @@ def study(
         start = time.perf_counter()
         benches = _benches(settings, plan, folder)
         rates = measured_rates(benches[0].scene)
-        todo = [(bench, list(steps_of(bench, plan, settings.path_tracing.samples, rates))) for bench in benches]
+        todo = [(bench, list(steps_of(bench, plan, settings.path_tracing, rates))) for bench in benches]
         expected = sum(step.seconds for _, steps in todo for step in steps)
         _run(todo, expected, on_progress)
         scenes = [_scene_record(bench, plan, settings) for bench in benches]
@@ -168,12 +168,16 @@ def _run(todo: list[tuple[Bench, list[Step]]], total: float, on_progress: Callab
 
 def _scene_record(bench: Bench, plan: Plan, settings: StudyConfig) -> SceneRecord:
     known = [bench.known_point(size, variant) for size, variants in plan.items() for variant in variants]
-    rivals = [bench.known_path_tracing(samples) for samples in sorted(settings.path_tracing.samples)]
+    samples = sorted(settings.path_tracing.samples)
+    rivals, progressive = (
+        bench.known_path_tracing(samples, each) or [] for each in (None, settings.path_tracing.pass_samples)
+    )
     return SceneRecord(
         material=bench.scene.material_name,
         environment=bench.scene.environment_name,
         reference=bench.reference_record(),
-        path_tracing=[record for record in rivals if record is not None],
+        path_tracing=rivals,
+        progressive=progressive,
         points=[record for record in known if record is not None],
     )
 
