@@ -99,5 +99,6 @@ def scene(points: list[PointRecord], **changes: Any) -> SceneRecord:
 def converging(bias: float, noise: float, *, method: str = "rsibr", counts: tuple[int, ...] = (16, 64, 256, 1024)):
     """A curve of known bias and noise; a bake takes 0.1 s and a millisecond a sample."""
     return [
-        point(bias + noise / n, 0.1 + 1e-3 * n, method=method, samples=n, noise=noise / n, size=MEGABYTE) for n in counts
+        point(bias + noise / n, 0.1 + 1e-3 * n, method=method, samples=n, noise=noise / n, size=MEGABYTE)
+        for n in counts
     ]

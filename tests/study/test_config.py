@@ -114,7 +114,9 @@ def test_what_means_nothing_is_left_out_of_a_plan():
 
 
 def test_the_mesh_method_is_the_papers_method_through_its_mesh():
-    (variants,) = plan_of(study({"method": ["cabral1999-mesh", "cabral1999"], "warp": ["texel", "mesh-16x48"]})).values()
+    (variants,) = plan_of(
+        study({"method": ["cabral1999-mesh", "cabral1999"], "warp": ["texel", "mesh-16x48"]})
+    ).values()
     assert [str(variant) for variant in variants] == ["cabral1999, mesh-16x48", "cabral1999"]
 
 
