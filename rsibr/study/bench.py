@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -142,7 +143,7 @@ class Bench:
         """Bake at a size, or go on with a bake that was killed, and open it; the one opened before is let go."""
         self.release()
         key = {"kind": "bake", **self.scene.identity, "size": vars(size)}
-        scene = f"{self.scene.material_name}-{self.scene.environment_name}".replace("/", "-").replace(" ", "-")
+        scene = re.sub(r"\W+", "-", f"{self.scene.material_name} {self.scene.environment_name}")
         path = self.bakes / f"{scene}-{checksum(canonical(key))[:12]}.rsibr"
         begun, config, start = path.exists(), size.config(self.scene.config), time.perf_counter()
         try:

@@ -79,6 +79,7 @@ class Scene:
         return {
             "environment": self.environment.digest,
             "material": self.material.digest,
+            "warp": self.material.warp,
             "effects": self.config.effects.model_dump(mode="json"),
             "clamp": self.config.sampling.clamp,
             "seed": self.seed,
@@ -92,10 +93,17 @@ class Scene:
 def load_scenes(study: StudyConfig, resolution: int) -> list[Scene]:
     """Load every scene of a study, and give each a name of its own."""
     loaded = [(config, load_environment(config.environment), load_material(config.material)) for config in study.scenes]
-    materials = _names({material.digest: material.name for _, _, material in loaded})
+    materials = _names({f"{m.digest} {m.warp}": _with_warp(m.name, c.material.warp) for c, _, m in loaded})
     environments = _names({environment.digest: environment.name for _, environment, _ in loaded})
     return [
-        Scene(config, environment, material, materials[material.digest], environments[environment.digest], resolution)
+        Scene(
+            config,
+            environment,
+            material,
+            materials[f"{material.digest} {material.warp}"],
+            environments[environment.digest],
+            resolution,
+        )
         for config, environment, material in loaded
     ]
 
@@ -168,6 +176,11 @@ def reference_of(scene: Scene, frame: NDArray[np.float64], samples: int, store: 
     return Reference(
         arrays["buffers"], arrays["coverage"], facts["samples"], facts["seconds"], sampler=facts["sampler"]
     )
+
+
+def _with_warp(name: str, warp: str) -> str:
+    """Name a material that is warped otherwise than it would be by itself."""
+    return name if warp == "auto" else f"{name} ({warp} warp)"
 
 
 def _names(by_digest: Mapping[str, str]) -> dict[str, str]:
