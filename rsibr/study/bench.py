@@ -36,7 +36,8 @@ from rsibr.study.results import (
     Timing,
     label_of,
 )
-from rsibr.study.scene import Arrays, Scene, TruthStore, reference_of
+from rsibr.study.scene import Scene
+from rsibr.study.truth import Arrays, TruthStore, reference_of
 from rsibr.study.variants import bytes_read, opened_at, variant_of
 from rsibr.validate.flip import Exposures, exposures_for
 from rsibr.validate.metrics import compare, noise_floor
@@ -142,7 +143,7 @@ class Bench:
     def bake(self, size: BakeSize) -> None:
         """Bake at a size, or go on with a bake that was killed, and open it; the one opened before is let go."""
         self.release()
-        key = {"kind": "bake", **self.scene.identity, "size": vars(size)}
+        key = {"kind": "bake", **self.scene.content, "size": vars(size)}
         scene = re.sub(r"\W+", "-", f"{self.scene.material_name} {self.scene.environment_name}")
         path = self.bakes / f"{scene}-{checksum(canonical(key))[:12]}.rsibr"
         begun, config, start = path.exists(), size.config(self.scene.config), time.perf_counter()

@@ -2,77 +2,29 @@
 
 from __future__ import annotations
 
-import difflib
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from rsibr.errors import InputError
-from rsibr.reconstruct.mesh import DiskMesh
-from rsibr.reconstruct.methods import METHODS
 from rsibr.scene.config import Config, load_config, parse_config, read_toml
 from rsibr.scene.config_errors import describe
+from rsibr.study.axes import (
+    PER_TEXEL,
+    Axis,
+    MethodName,
+    NameOrTable,
+    PrecisionName,
+    Resolution,
+    Samples,
+    Subdivision,
+    WarpName,
+    WeightsName,
+    at_least_three,
+)
 from rsibr.validate.reference import MINIMUM_BUFFERS
-
-PER_TEXEL = "texel"
-
-_MESH = re.compile(r"mesh-([1-9]\d{0,2})x([1-9]\d{0,3})")
-
-
-def mesh_of(warp: str) -> DiskMesh | None:
-    """Tessellation that the warp `mesh-RxS` names, R rings and S sectors; None for any other name."""
-    found = _MESH.fullmatch(warp)
-    return DiskMesh(int(found[1]), int(found[2])) if found is not None and int(found[2]) >= 3 else None
-
-
-def _method(name: str) -> str:
-    if name not in METHODS:
-        near = difflib.get_close_matches(name, METHODS, 1)
-        meant = f"did you mean '{near[0]}'? " if near else ""
-        raise ValueError(f"is no method: {meant}there are {', '.join(METHODS)}")
-    return name
-
-
-def _warp(name: str) -> str:
-    if name != PER_TEXEL and mesh_of(name) is None:
-        raise ValueError('should be "texel" or "mesh-RxS", as in "mesh-16x48", with at least 3 sectors S')
-    return name
-
-
-def _name_or_table(value: Any) -> Any:
-    if not isinstance(value, str | dict):
-        raise ValueError("should be a name, in quotes, or a table")
-    return value
-
-
-def _distinct(values: tuple[Any, ...]) -> tuple[Any, ...]:
-    if not values:
-        raise ValueError("should hold at least one value")
-    twice = [value for index, value in enumerate(values) if value in values[:index]]
-    if twice:
-        raise ValueError(f"holds {twice[0]!r} twice")
-    return values
-
-
-def _three(values: tuple[int, ...]) -> tuple[int, ...]:
-    if len(values) < 3:
-        raise ValueError("should hold at least three values, to fit a slope")
-    return values
-
-
-_T = TypeVar("_T")
-_Axis = Annotated[tuple[_T, ...], Field(strict=False), AfterValidator(_distinct)]
-_NameOrTable = Annotated[Any, AfterValidator(_name_or_table)]
-_Samples = Annotated[int, Field(ge=4, le=2**24)]
-_Resolution = Annotated[int, Field(ge=8, le=4096)]
-_Subdivision = Annotated[int, Field(ge=0, le=5)]
-_Method = Annotated[str, AfterValidator(_method)]
-_Warp = Annotated[str, AfterValidator(_warp)]
-_Weights = Literal["own", "area", "gnomonic"]
-_Precision = Literal["float32", "float16"]
 
 
 class _Section(BaseModel):
@@ -96,13 +48,13 @@ class SweepConfig(_Section):
         What the maps are held in.
     """
 
-    samples: _Axis[_Samples] | None = None
-    resolution: _Axis[_Resolution] | None = None
-    subdivision: _Axis[_Subdivision] | None = None
-    method: _Axis[_Method] | None = None
-    warp: _Axis[_Warp] = (PER_TEXEL,)
-    weights: _Axis[_Weights] = ("own",)
-    precision: _Axis[_Precision] = ("float32",)
+    samples: Axis[Samples] | None = None
+    resolution: Axis[Resolution] | None = None
+    subdivision: Axis[Subdivision] | None = None
+    method: Axis[MethodName] | None = None
+    warp: Axis[WarpName] = (PER_TEXEL,)
+    weights: Axis[WeightsName] = ("own",)
+    precision: Axis[PrecisionName] = ("float32",)
 
 
 class ScenesConfig(_Section):
@@ -116,8 +68,8 @@ class ScenesConfig(_Section):
         Files, or tables as `[environment]` of a config. By default the base config's.
     """
 
-    material: _Axis[_NameOrTable] | None = None
-    environment: _Axis[_NameOrTable] | None = None
+    material: Axis[NameOrTable] | None = None
+    environment: Axis[NameOrTable] | None = None
 
 
 class JudgeConfig(_Section):
@@ -139,7 +91,7 @@ class JudgeConfig(_Section):
     """
 
     views: int = Field(default=6, ge=1, le=1000)
-    resolution: _Resolution | None = None
+    resolution: Resolution | None = None
     samples: int = Field(default=1024, ge=MINIMUM_BUFFERS, le=2**24)
     repeats: int = Field(default=5, ge=3, le=1000)
     frames: int = Field(default=100, ge=1, le=10**9)
@@ -157,17 +109,17 @@ class PathTracingConfig(_Section):
         samples. The other form stratifies all samples of a picture among each other, and is the rival.
     """
 
-    samples: Annotated[_Axis[_Samples], AfterValidator(_three)] = (64, 256, 576, 1024)
-    pass_samples: _Samples = 64
+    samples: Annotated[Axis[Samples], AfterValidator(at_least_three)] = (64, 256, 576, 1024)
+    pass_samples: Samples = 64
 
 
 class _File(_Section):
     """The tables of the file, those of other models not yet looked into."""
 
-    base: _NameOrTable
+    base: NameOrTable
     scenes: ScenesConfig = ScenesConfig()
-    method: _Axis[_Method] = ("cabral1999", "rsibr")
-    sweep: _Axis[dict[str, Any]]
+    method: Axis[MethodName] = ("cabral1999", "rsibr")
+    sweep: Axis[dict[str, Any]]
     judge: JudgeConfig = JudgeConfig()
     path_tracing: PathTracingConfig = PathTracingConfig()
 

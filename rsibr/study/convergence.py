@@ -11,7 +11,8 @@ from scipy.optimize import nnls
 from scipy.stats import linregress
 from scipy.stats import t as student_t
 
-_LEAST_POINTS = 3
+LEAST_POINTS = 3
+"""Points that a slope needs: two would have no scatter to tell its interval by."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def fit_power_law(x: Sequence[float], y: Sequence[float]) -> PowerLaw:
     ValueError
         If there are fewer than three points, or one is not positive.
     """
-    if len(x) < _LEAST_POINTS or min(*x, *y) <= 0:
+    if len(x) < LEAST_POINTS or min(*x, *y) <= 0:
         raise ValueError("a slope needs three points at least, all positive")
     line = linregress(np.log(x), np.log(y))
     reach = float(student_t.ppf(0.975, len(x) - 2)) * float(line.stderr)

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from pydantic import Field
 
+from rsibr.study.convergence import LEAST_POINTS, fit_power_law
 from rsibr.study.fronts import front_of
 from rsibr.study.results import Positive, Record, SceneRecord
 
@@ -22,7 +23,7 @@ class DoublingRecord(Record):
     rel_mse: list[Positive] = Field(description="falling")
     gain: list[float | None] = Field(
         description="what twice the time divides the error by, in between the points along a straight line on "
-        "logarithmic axes; null where twice the time was not measured"
+        "logarithmic axes, of path tracing along the fitted one; null where twice the time was not measured"
     )
 
 
@@ -87,6 +88,13 @@ def _means(by_scene: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str, t
     return found
 
 
+def _of_noise(seconds: Sequence[float], errors: Sequence[float]) -> list[float | None]:
+    """Gain of path tracing: its error is a straight line on logarithmic axes, before and after what was measured."""
+    if len(seconds) < LEAST_POINTS:
+        return gains(seconds, errors)
+    return [2.0 ** -fit_power_law(seconds, errors).slope] * len(seconds)
+
+
 def _record(name: str, points: Mapping[str, tuple[float, float]]) -> DoublingRecord:
     labels, pairs = list(points), list(points.values())
     on = front_of([seconds for seconds, _ in pairs], [error for _, error in pairs]).on
@@ -96,5 +104,5 @@ def _record(name: str, points: Mapping[str, tuple[float, float]]) -> DoublingRec
         labels=[labels[index] for index in on],
         seconds=seconds,
         rel_mse=errors,
-        gain=gains(seconds, errors),
+        gain=_of_noise(seconds, errors) if name == PATH_TRACING else gains(seconds, errors),
     )

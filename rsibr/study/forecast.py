@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from rsibr.study.bench import Bench
 from rsibr.study.config import PathTracingConfig
 from rsibr.study.lobes import lobe_key
 from rsibr.study.plan import BakeSize, Plan, Variant
-from rsibr.study.scene import Scene, reference_key
+from rsibr.study.scene import Scene
+from rsibr.study.truth import reference_key
 
 _PROBE_RESOLUTION = 48
 _PROBE_SAMPLES = 64
@@ -54,23 +55,33 @@ class Step:
     run: Callable[[], object]
 
 
-@dataclass(frozen=True)
 class Rates:
-    """Samples a second of the bake and of path tracing, kernels compiled."""
+    """How fast the machine is, kernels compiled; measured when it is first asked for.
 
-    bake: float
-    path_tracing: float
+    Parameters
+    ----------
+    scene : Scene
+        What to measure with: the second run of a small bake, and of a small path-traced picture.
+    """
 
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._frame, self._seeds = view_frame((1.0, 2.0, 3.0)), np.random.SeedSequence(0)
 
-def measured_rates(scene: Scene) -> Rates:
-    """Time a small bake and a small path-traced picture, the second run of each."""
-    bsdf = scene.material.bsdf()
-    integrator = SphereIntegrator(scene.environment.emitter(), bsdf, _PROBE_RESOLUTION, LobeSplit.of(bsdf))
-    frame, seeds = view_frame((1.0, 2.0, 3.0)), np.random.SeedSequence(0)
-    block = _seconds_of(lambda: integrator.block(frame, _PROBE_SAMPLES, seeds))
-    picture = _seconds_of(lambda: scene.tracer.picture(frame, _PROBE_SAMPLES, seeds))
-    covered = float(integrator.coverage.sum())
-    return Rates(covered * _PROBE_SAMPLES / block, scene.resolution**2 * _PROBE_SAMPLES / picture)
+    @cached_property
+    def bake(self) -> float:
+        """Samples a second of the bake."""
+        bsdf, emitter = self._scene.material.bsdf(), self._scene.environment.emitter()
+        integrator = SphereIntegrator(emitter, bsdf, _PROBE_RESOLUTION, LobeSplit.of(bsdf))
+        seconds = _seconds_of(lambda: integrator.block(self._frame, _PROBE_SAMPLES, self._seeds))
+        return float(integrator.coverage.sum()) * _PROBE_SAMPLES / seconds
+
+    @cached_property
+    def path_tracing(self) -> float:
+        """Samples a second of path tracing."""
+        tracer = self._scene.tracer
+        seconds = _seconds_of(lambda: tracer.picture(self._frame, _PROBE_SAMPLES, self._seeds))
+        return self._scene.resolution**2 * _PROBE_SAMPLES / seconds
 
 
 def steps_of(bench: Bench, plan: Plan, path_tracing: PathTracingConfig, rates: Rates) -> Iterator[Step]:

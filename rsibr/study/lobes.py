@@ -13,7 +13,8 @@ from rsibr.effects.lobes import LobeSplit
 from rsibr.reconstruct.lobed import LobedMethod
 from rsibr.reconstruct.reconstruction import run
 from rsibr.study.results import mean_model
-from rsibr.study.scene import Arrays, Scene, TruthStore
+from rsibr.study.scene import Scene
+from rsibr.study.truth import Arrays, TruthStore
 from rsibr.validate.document import EstimateModel
 from rsibr.validate.estimate import Estimate, jackknife
 from rsibr.validate.metrics import COVERED, denominator

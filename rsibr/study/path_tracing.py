@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from itertools import product
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
+from rsibr.bake.integrator import stratified
 from rsibr.study.results import ErrorRecord, PathTracingRecord, Timing
 from rsibr.validate.flip import Exposures
 from rsibr.validate.metrics import MapError, compare
@@ -22,6 +24,12 @@ _RIVAL_BRANCH = 0x7269_7661
 class PathTracer(ReferenceRenderer):
     """The renderer of the references, asked for a single picture as a user would: no buffers to tell noise by."""
 
+    def launches(self, samples: int, pass_samples: int | None = None) -> tuple[int, int]:
+        """Launches of a picture, and samples of each, rounded up to strata of a nearly square grid; see `picture`."""
+        most = min(pass_samples or samples, max(1, LANES_PER_LAUNCH // self.resolution**2))
+        launches = -(-samples // most)
+        return launches, stratified(most if pass_samples else -(-samples // launches))
+
     def picture(
         self, frame: NDArray[np.float64], samples: int, seeds: np.random.SeedSequence, pass_samples: int | None = None
     ) -> tuple[NDArray[np.float32], float]:
@@ -32,7 +40,7 @@ class PathTracer(ReferenceRenderer):
         frame : ndarray, shape (3, 3)
             Frame of the map.
         samples : int
-            Samples a texel, split evenly where one launch cannot hold them; a square number is stratified best.
+            Samples a texel at least, split evenly where one launch cannot hold them; `launches` says how many it takes.
         seeds : SeedSequence
             Fixes every random number.
         pass_samples : int, optional
@@ -45,9 +53,7 @@ class PathTracer(ReferenceRenderer):
         seconds : float
             Time of the rendering, device finished, nothing compiled.
         """
-        most = min(pass_samples or samples, max(1, LANES_PER_LAUNCH // self.resolution**2))
-        launches = -(-samples // most)
-        spp = most if pass_samples else -(-samples // launches)
+        launches, spp = self.launches(samples, pass_samples)
         self._look_along(frame)
         self._warm_up(spp)
         start = time.perf_counter()
@@ -81,7 +87,7 @@ def path_tracing_points(
     exposures : Exposures
         Those of FLIP.
     samples : sequence of int
-        Samples a texel. They take turns, so that a slow moment of the machine bends no line.
+        Samples a texel at least. They take turns, so that a slow moment of the machine bends no line.
     pass_samples : int, optional
         Samples of a pass; by default all of a picture.
     seed : int
@@ -105,7 +111,7 @@ def path_tracing_points(
             errors[count].append(compare(image, references[view], exposures, name=f"path tracing, {count} samples"))
     return [
         PathTracingRecord(
-            samples=count,
+            samples=math.prod(tracer.launches(count, pass_samples)),
             pass_samples=pass_samples,
             error=ErrorRecord.of(errors[count]),
             seconds=Timing.of(seconds[count]),

@@ -8,7 +8,8 @@ from itertools import product
 from rsibr.errors import InputError
 from rsibr.reconstruct.mesh import DiskMesh
 from rsibr.scene.config import Config, MapConfig, SamplingConfig, ViewsConfig
-from rsibr.study.config import PER_TEXEL, StudyConfig, SweepConfig
+from rsibr.study.axes import PER_TEXEL
+from rsibr.study.config import StudyConfig, SweepConfig
 
 OWN_WEIGHTS = {"nearest": "none", "blend": "area", "cabral1999": "area", "rsibr": "gnomonic"}
 """Weights that the methods take by themselves; of these, all but `nearest` can take others."""

@@ -18,12 +18,13 @@ from rsibr.study.bench import Bench
 from rsibr.study.config import StudyConfig, load_study, parse_study
 from rsibr.study.document import JudgeRecord, MachineRecord, StudyDocument
 from rsibr.study.doubling import doubling_of
-from rsibr.study.forecast import Step, measured_rates, steps_of
+from rsibr.study.forecast import Rates, Step, steps_of
 from rsibr.study.journal import Journal, lock_study
 from rsibr.study.plan import Plan, plan_of
 from rsibr.study.report import write_study
 from rsibr.study.results import PointRecord, SceneRecord
-from rsibr.study.scene import TruthStore, judged_views, load_scenes
+from rsibr.study.scene import judged_views, load_scenes
+from rsibr.study.truth import TruthStore
 
 BAKES_NAME, REFERENCES_NAME, JOURNAL_NAME = "bakes", "references", "journal"
 
@@ -119,7 +120,7 @@ def study(
     with lock_study(folder):
         start = time.perf_counter()
         benches = _benches(settings, plan, folder)
-        rates = measured_rates(benches[0].scene)
+        rates = Rates(benches[0].scene)
         todo = [(bench, list(steps_of(bench, plan, settings.path_tracing, rates))) for bench in benches]
         expected = sum(step.seconds for _, steps in todo for step in steps)
         _run(todo, expected, on_progress)

@@ -15,7 +15,7 @@ from rsibr.reconstruct.blend import triangle_mix
 from rsibr.reconstruct.lobed import LobedMethod
 from rsibr.reconstruct.method import MeshMethod, Method
 from rsibr.reconstruct.methods import MethodSet
-from rsibr.study.config import mesh_of
+from rsibr.study.axes import mesh_of
 from rsibr.study.plan import OWN_WEIGHTS, Variant
 
 _WEIGHTS = {"area": area_weights, "gnomonic": gnomonic_weights}

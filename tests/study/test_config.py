@@ -9,7 +9,8 @@ import pytest
 
 from rsibr.errors import InputError
 from rsibr.resources import configs
-from rsibr.study.config import load_study, mesh_of, parse_study
+from rsibr.study.axes import mesh_of
+from rsibr.study.config import load_study, parse_study
 from rsibr.study.plan import BakeSize, Variant, plan_of
 
 BASE: dict[str, Any] = {

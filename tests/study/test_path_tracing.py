@@ -64,8 +64,21 @@ def test_passes_have_the_slope_of_independent_samples(tracer):
     errors = [record.error.rel_mse.value for record in passes]
     assert fit_power_law(counts, errors).slope == pytest.approx(-1, abs=0.05)
     assert whole[-1].error.rel_mse.value < 1.05 * errors[-1]
-    assert [record.samples for record in whole] == counts
+    assert [record.samples for record in passes] == counts
+    assert [record.samples for record in whole] == [16, 64, 256, 528]
     assert all(record.seconds.low <= record.seconds.median <= record.seconds.high for record in whole)
+
+
+def test_samples_are_counted_as_they_are_taken(tracer, monkeypatch):
+    assert tracer.launches(128) == (1, 132)  # 11 × 12 strata
+    assert tracer.launches(100, 16) == (7, 16)
+    taken = []
+    monkeypatch.setattr(tracer, "_film", lambda seed, spp: taken.append(spp) or np.ones((RESOLUTION, RESOLUTION, 4)))
+    monkeypatch.setattr("rsibr.study.path_tracing.LANES_PER_LAUNCH", 50 * RESOLUTION**2)
+    assert tracer.launches(128) == (3, 48)  # 43 at least
+    tracer._compiled.add(48)
+    tracer.picture(FRAME, 128, seeds(0))
+    assert taken == [48] * 3
 
 
 def test_coverage_is_divided_out():
