@@ -104,7 +104,7 @@ def _sentence(record: DoublingRecord, frames: int) -> str:
     if not known:
         return f"{record.method}: {reach} for {frames} pictures; no longer time was measured to compare with."
     first, last = readable(known[0], 2), readable(known[-1], 2)
-    buys = f"divides the error by {first}" + ("" if len(known) == 1 else f" at first and by {last} at the end")
+    buys = f"divides the error by {first}" + ("" if first == last else f" at first and by {last} at the end")
     return f"{record.method}: {reach} for {frames} pictures; twice the time {buys}."
 
 
