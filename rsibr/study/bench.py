@@ -97,14 +97,18 @@ class Bench:
         return exposures_for(float(np.concatenate(covered).mean()))
 
     def reference_record(self) -> ReferenceRecord:
-        """Sum the references up."""
-        first = self.references[0]
+        """Sum the references up, one in memory at a time."""
+        seconds, floors = [], []
+        for frame in self.frames:
+            reference = self.reference(frame)
+            seconds.append(reference.seconds)
+            floors.append(noise_floor(reference))
         return ReferenceRecord(
-            samples=first.samples,
-            buffers=len(first.buffers),
-            sampler=first.sampler,
-            seconds=sum(reference.seconds for reference in self.references),
-            noise_floor=float(np.mean([noise_floor(reference) for reference in self.references])),
+            samples=reference.samples,
+            buffers=len(reference.buffers),
+            sampler=reference.sampler,
+            seconds=sum(seconds),
+            noise_floor=float(np.mean(floors)),
         )
 
     def known_path_tracing(self, samples: Sequence[int], pass_samples: int | None) -> list[PathTracingRecord] | None:
@@ -161,6 +165,11 @@ class Bench:
     def release(self) -> None:
         """Let the opened bake go, with its maps on the device."""
         self._opened = None
+
+    def close(self) -> None:
+        """Let go of all that memory holds of this scene; what is on disk stays."""
+        self.release()
+        self.__dict__.pop("references", None)
 
 
 @dataclass(eq=False)

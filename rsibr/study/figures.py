@@ -162,7 +162,7 @@ def whereabouts(points: Sequence[PointRecord]) -> Figure:
         values = [point.lobes[lobe].value if point.lobes and lobe in point.lobes else None for point in points]
         _dots(zones, rows - 0.2, values, "|", _OTHERS[number % len(_OTHERS)], f"lobe {lobe}")
     zones.set(xscale="log", xlabel="relMSE of the zone, or that the lobe makes")
-    zones.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize=8)
+    zones.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8)
     return figure
 
 

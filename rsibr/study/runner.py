@@ -163,7 +163,7 @@ def _run(todo: list[tuple[Bench, list[Step]]], total: float, on_progress: Callab
             on_progress(Progress(done, total, f"{bench.scene.name}: {step.name}"))
             step.run()
             done += step.seconds
-        bench.release()
+        bench.close()
     on_progress(Progress(total, total, "done"))
 
 
