@@ -170,7 +170,7 @@ def _front(points: Sequence[PointRecord], cost: Callable[[PointRecord], float]) 
 
 def _rival(point: PointRecord, law: PowerLaw, frames: int) -> RivalRow:
     job, frame = point.job_seconds(frames), point.frame_seconds.median
-    equal = law.where(point.rel_mse) if point.rel_mse > 0 else None
+    equal = law.where(point.rel_mse)
     asked = [job / frames, *([equal] if equal else [])]
     return RivalRow(
         label=point.label,
@@ -203,10 +203,11 @@ def crossover(points: Sequence[PointRecord], law: PowerLaw, pictures: int) -> Cr
         )
     start, first = min(better, key=lambda found: found[0])
     best = min((point for _, point in better), key=lambda point: point.rel_mse)
+    overtaken = law.where(best.rel_mse)
     return CrossoverRecord(
         pictures=pictures,
         from_seconds=start,
         from_point=first.label,
-        until_seconds=pictures * law.where(best.rel_mse) if best.rel_mse > 0 else None,
+        until_seconds=None if overtaken is None else pictures * overtaken,
         until_point=best.label,
     )

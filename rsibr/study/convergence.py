@@ -8,11 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import nnls
-from scipy.stats import linregress
 from scipy.stats import t as student_t
 
 LEAST_POINTS = 3
 """Points that a slope needs: two would have no scatter to tell its interval by."""
+
+
+LEAST_FALL = 0.05
+"""Slope below which a line counts as level: where it would reach another value is beyond all that was measured."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +40,10 @@ class PowerLaw:
         """Value at x > 0."""
         return self.scale * math.exp(self.slope * math.log(x))
 
-    def where(self, y: float) -> float:
-        """Place x at which the value is y > 0."""
+    def where(self, y: float) -> float | None:
+        """Place x at which the value has fallen to y; None where that is not positive, or the line does not fall."""
+        if y <= 0 or self.slope > -LEAST_FALL:
+            return None
         return math.exp(math.log(y / self.scale) / self.slope)
 
 
@@ -57,10 +62,12 @@ def fit_power_law(x: Sequence[float], y: Sequence[float]) -> PowerLaw:
     """
     if len(x) < LEAST_POINTS or min(*x, *y) <= 0:
         raise ValueError("a slope needs three points at least, all positive")
-    line = linregress(np.log(x), np.log(y))
-    reach = float(student_t.ppf(0.975, len(x) - 2)) * float(line.stderr)
-    slope = float(line.slope)
-    return PowerLaw(slope, math.exp(line.intercept), (slope - reach, slope + reach), (min(x), max(x)))
+    log_x, log_y = np.log(x), np.log(y)
+    slope, intercept = (float(c) for c in np.polyfit(log_x, log_y, 1))
+    scatter = float(np.sum((log_y - slope * log_x - intercept) ** 2)) / (len(x) - 2)
+    error = math.sqrt(scatter / float(np.sum((log_x - log_x.mean()) ** 2)))
+    reach = float(student_t.ppf(0.975, len(x) - 2)) * error
+    return PowerLaw(slope, math.exp(intercept), (slope - reach, slope + reach), (min(x), max(x)))
 
 
 @dataclass(frozen=True)

@@ -83,10 +83,11 @@ def headline(document: StudyDocument) -> Figure:
         if known:
             right.plot(*zip(*known, strict=True), "-o", color=colour, markersize=4.5, label=record.method)
     _name_ends(left, document.doubling)
-    floor = np.exp(np.mean([np.log(scene.reference.noise_floor) for scene in document.scenes]))
-    _floor(left, float(floor))
-    left.set(xscale="log", yscale="log", ylabel="relMSE, mean over the scenes")
-    right.set(xscale="log", ylabel="twice the time divides the error by")
+    _floor(left, min(scene.reference.noise_floor for scene in document.scenes))
+    _logarithmic(left)
+    left.set(ylabel="relMSE, mean over the scenes")
+    _logarithmic(right, "x")
+    right.set(ylabel="twice the time divides the error by")
     right.axhline(1, color="#888888", linewidth=0.8)
     right.text(
         0.99, 1.01, "buys nothing", transform=right.get_yaxis_transform(), ha="right", fontsize=8, color="#666666"
@@ -95,7 +96,8 @@ def headline(document: StudyDocument) -> Figure:
     for axes in (left, right):
         axes.set_xlabel(f"time to bake and to make {document.judge.frames} pictures")
         _count_in(axes, "s")
-    left.legend(loc="best")
+    if document.doubling:
+        left.legend(loc="best")
     return figure
 
 
@@ -115,7 +117,8 @@ def convergence(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
     alone = [point for point in scene.points if point.label not in curved and point.rel_mse > 0]
     for point in alone:
         axes.plot(point.bake.seconds.median, point.rel_mse, ".", color=colour_of(point.method), alpha=0.4)
-    axes.set(xscale="log", yscale="log", ylabel="relMSE", xlabel="time to bake, or to path-trace one picture")
+    _logarithmic(axes)
+    axes.set(ylabel="relMSE", xlabel="time to bake, or to path-trace one picture")
     _count_in(axes, "s")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8.5)
     return figure
@@ -137,7 +140,8 @@ def fronts(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
                 axes.scatter(
                     *points, s=26, facecolors=face, edgecolors=colour_of(method), label=method if front else None
                 )
-        axes.set(xscale="log", yscale="log", xlabel=label)
+        _logarithmic(axes)
+        axes.set(xlabel=label)
         _count_in(axes, unit)
     figure.axes[0].set_ylabel("relMSE")
     figure.axes[-1].legend(loc="best", fontsize=8)
@@ -161,8 +165,10 @@ def whereabouts(points: Sequence[PointRecord]) -> Figure:
     for number, lobe in enumerate(dict.fromkeys(name for point in points for name in point.lobes or ())):
         values = [point.lobes[lobe].value if point.lobes and lobe in point.lobes else None for point in points]
         _dots(zones, rows - 0.2, values, "|", _OTHERS[number % len(_OTHERS)], f"lobe {lobe}")
-    zones.set(xscale="log", xlabel="relMSE of the zone, or that the lobe makes")
-    zones.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8)
+    _logarithmic(zones, "x")
+    zones.set(xlabel="relMSE of the zone, or that the lobe makes")
+    if any(point.rel_mse > 0 for point in points):
+        zones.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8)
     return figure
 
 
@@ -216,6 +222,15 @@ def _with_bars(axes: Axes, x: Sequence[float], estimates: Sequence[Any], colour:
     )
 
 
+def _logarithmic(axes: Axes, which: str = "xy") -> None:
+    """Make axes logarithmic; where nothing positive was drawn, as of a black scene, they get some limits."""
+    for name, high in zip("xy", axes.dataLim.max, strict=True):
+        if name in which:
+            if not 0 < high < np.inf:
+                axes.set(**{f"{name}lim": (0.1, 1)})
+            axes.set(**{f"{name}scale": "log"})
+
+
 def _count_in(axes: Axes, unit: str) -> None:
     """Name the ticks of a logarithmic axis with their unit: 20 ms, 1 MB."""
     for place in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
@@ -226,6 +241,8 @@ def _count_in(axes: Axes, unit: str) -> None:
 
 def _floor(axes: Axes, floor: float) -> None:
     """Band of errors below the noise of the reference: seen only because that noise is taken out."""
+    if floor <= 0:
+        return
     axes.axhspan(floor / 5, floor, color=_FLOOR, zorder=0)
     place = axes.get_yaxis_transform()
     axes.text(

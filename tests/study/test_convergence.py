@@ -16,6 +16,8 @@ def test_an_exact_power_is_found():
     assert law.scale == pytest.approx(3)
     assert law.at(10) == pytest.approx(3 * 10**-1.25)
     assert law.where(law.at(7)) == pytest.approx(7)
+    assert law.where(0.0) is None
+    assert fit_power_law([1, 2, 3], [5.0, 5.0, 5.0]).where(1.0) is None
     assert law.range == (1, 64)
     assert law.ci95 == pytest.approx((-1.25, -1.25), abs=1e-6)
 

@@ -22,14 +22,14 @@ RESOLUTION = 24
 
 @pytest.fixture(scope="module")
 def bakes(asymmetric_environment, tmp_path_factory):
-    """Eight bakes that differ in their seed alone."""
+    """Six bakes that differ in their seed alone."""
     tables = {
         "environment": {"file": str(asymmetric_environment)},
         "material": {"preset": "glossy-plastic"},
         "map": {"resolution": RESOLUTION},
     }
     folder = tmp_path_factory.mktemp("bakes")
-    configs = [parse_config({**tables, "sampling": {"samples": 64, "seed": seed}}, folder) for seed in range(8)]
+    configs = [parse_config({**tables, "sampling": {"samples": 64, "seed": seed}}, folder) for seed in range(6)]
     return [bake(config, out=folder / f"{seed}.rsibr") for seed, config in enumerate(configs)]
 
 
@@ -37,14 +37,14 @@ def bakes(asymmetric_environment, tmp_path_factory):
 def test_the_predicted_noise_is_that_of_independent_bakes(bakes, method):
     """Within a quarter.
 
-    The spread of eight bakes over 1300 texel means is known to 4 %, the prediction of rsibr's
+    The spread of six bakes over 1300 texel means is known to 5 %, the prediction of rsibr's
     noise leans on sharing the variance out among lobes; taking out the factor of any step doubles or halves it.
     """
     pictures = np.array([[run(MethodSet(one)[method], f, RESOLUTION).image for f in FRAMES] for one in bakes])
     rng = np.random.default_rng(0)
     references = [noisy_reference(np.maximum(mean, 1e-3), 1e-6, rng) for mean in pictures.mean(axis=0)]
     spread = pictures - pictures.mean(axis=0)
-    measured = np.mean([relative_square(s, r) for one in spread for s, r in zip(one, references, strict=True)]) * 8 / 7
+    measured = np.mean([relative_square(s, r) for one in spread for s, r in zip(one, references, strict=True)]) * 6 / 5
     noisy = MethodSet(NoisyBake(bakes[0].path, bakes[0].manifest, seed=3))[method]
     predicted = noise_of(pictures[0], [run(noisy, f, RESOLUTION).image for f in FRAMES], references)
     assert predicted == pytest.approx(measured, rel=0.25)
