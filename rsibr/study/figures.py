@@ -196,11 +196,12 @@ def _curve(axes: Axes, curve: ConvergenceRecord, points: Sequence[PointRecord], 
     seconds = np.array([point.bake.seconds.median for point in points])
     _with_bars(axes, seconds.tolist(), [point.error.rel_mse for point in points], colour, marker)
     samples = np.geomspace(points[0].bake.samples, points[-1].bake.samples, 64)
-    times = np.interp(samples, [point.bake.samples for point in points], seconds)
+    rising = np.maximum.accumulate(seconds)  # on a busy machine more samples may once have taken less time
+    times = np.interp(samples, [point.bake.samples for point in points], rising)
     slope = "" if curve.slope is None else f", slope {curve.slope.slope:.2f}".replace("-", "−")
     axes.plot(times, curve.bias + curve.noise / samples, color=colour, linewidth=1, label=f"{curve.label}{slope}")
     if curve.bias > 0:
-        axes.plot([seconds[0], seconds[-1]], [curve.bias] * 2, ":", color=colour, linewidth=1)
+        axes.plot([rising[0], rising[-1]], [curve.bias] * 2, ":", color=colour, linewidth=1)
         if curve.flattens_at_seconds is not None:
             axes.plot(curve.flattens_at_seconds, 2 * curve.bias, "x", color=colour, markersize=10, markeredgewidth=2)
 
