@@ -61,8 +61,8 @@ class SphereIntegrator:
         self.coverage = np.where(exact < LEAST_COVERAGE, 0, exact).astype(np.float32)
         self._light = mi.load_dict({"type": "scene", "light": emitter})
         self._bsdf = bsdf
-        self._split = split if split and len(split.lobes) > 1 else None
-        self.lobe_names = [lobe.name for lobe in self._split.lobes] if self._split else ["radiance"]
+        self._split = split if split and len(split.names) > 1 else None
+        self.lobe_names = self._split.names if self._split else ["radiance"]
         self._samples_light = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
         self._samples_bsdf = self._light.environment() is not None
         self._resolution = resolution

@@ -109,11 +109,10 @@ class MethodSet:
 
     def fine(self, *, uses_maps: bool = True, lobe: str | None = None) -> FineMethod:
         """Make the method `rsibr-fine`, its model alone, or the part of one lobe; see `prefiltered`."""
-        lobes = [
-            (LobeModel.of(kernel, self._stack, self._bake.light), LobeAlbedo.of(albedo))
-            for name, (kernel, albedo) in self._kernels().items()
-            if lobe in (None, name)
-        ]
+        kernels = self._kernels()
+        chosen = kernels.values() if lobe is None else [kernels[lobe]]
+        stack, light = self._stack, self._bake.light
+        lobes = [(LobeModel.of(kernel, stack, light), LobeAlbedo.of(albedo)) for kernel, albedo in chosen]
         return self._with_residuals(FineMethod, "rsibr-fine", lobe, uses_maps=uses_maps, lobes=lobes)
 
     def prefiltered(self, *, uses_maps: bool = True, lobe: str | None = None) -> PrefilteredMethod:
@@ -152,7 +151,7 @@ class MethodSet:
         common = (self._viewpoints, self._sources, triangle_mix(gnomonic_weights), MirrorWarp.between, self._cost)
         is_part = lobe is not None
         made = kind(f"{name}/{lobe}" if is_part else name, *common, albedo=albedo, is_part=is_part, **rest)
-        images = [m.layers[self._layer(lobe)] if is_part else m.radiance for m in self._maps]
+        images = [m.radiance if lobe is None else m.layers[self._layer(lobe)] for m in self._maps]
         residuals = [made.left_over(image, m.frame) for image, m in zip(images, self._maps, strict=True)]
         made.sources = self._on_device(residuals)
         return made
