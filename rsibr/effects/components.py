@@ -16,7 +16,9 @@ _ROUNDING = 1e-5
 _TINY = 1e-30
 
 
-def told_apart(bsdf: mi.BSDF, wi: NDArray[np.float64], wo: NDArray[np.float64], density: NDArray[np.float64]) -> list[int]:
+def told_apart(
+    bsdf: mi.BSDF, wi: NDArray[np.float64], wo: NDArray[np.float64], density: NDArray[np.float64]
+) -> list[int]:
     """Smooth components of a BSDF that have a lobe each, where they can be had one at a time.
 
     Parameters
@@ -43,9 +45,7 @@ def told_apart(bsdf: mi.BSDF, wi: NDArray[np.float64], wo: NDArray[np.float64], 
     return np.flatnonzero(energy >= LEAST_SHARE * max(float(energy.sum()), _TINY)).tolist()
 
 
-def component_shares(
-    bsdf: mi.BSDF, components: list[int], wi: mi.Vector3f, wo: mi.Vector3f
-) -> list[mi.Color3f]:
+def component_shares(bsdf: mi.BSDF, components: list[int], wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
     """Share f_i/f of each component in what a material reflects.
 
     Parameters

@@ -1,23 +1,27 @@
 """Which facets of a surface are seen to shine at each angle: how many, where their middle lies, how far they spread.
 
 At an angle some facets are hidden, and some mirror the viewer into the ground. What is left of a Gaussian of facets is
-narrower, and its middle leans toward the viewer: the lobe's own central direction, which lies above the mirror direction.
+narrower, and its middle leans toward the viewer: the lobe's own central direction lies above the mirror direction.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.effects.kernel import LobeKernel
+from rsibr.effects.kernel import Gaussians, LobeKernel
 from rsibr.effects.proxy import COAT_IOR
 
 NODES = 33
 """Angles, even in √cos θ."""
 
 Array = NDArray[np.float64]
+
+_Seen = Callable[[Array, Array, float], tuple[Array, Array]]
+"""(viewer, facets, roughness) → share of the light that each facet sends to the viewer; the facets on the surface."""
 
 _LEAST_COSINE = 2e-3
 _RADII, _TURNS = 24, 24  # of the quadrature over a Gaussian
@@ -36,7 +40,8 @@ class FacetMoments:
         Angle [rad] by which the middle of the facets leans from the normal toward the viewer, where facets count by the
         area that the viewer sees of them (h·v).
     width : ndarray, shape (NODES,)
-        Standard deviation [rad] of the facets' normals around it: mean of those along and across the plane of incidence.
+        Standard deviation [rad] of the facets' normals around it: geometric mean of those along and across the plane
+        of incidence.
     """
 
     weight: Array
@@ -63,14 +68,14 @@ def facet_moments(kernel: LobeKernel) -> list[FacetMoments]:
     ]
 
 
-def _moments(gaussians, alpha, seen):  # noqa: ANN001, ANN202
+def _moments(gaussians: Gaussians, alpha: float, seen: _Seen) -> list[FacetMoments]:
     return [
         _of_one(sigma, plain, grazing, alpha, seen)
         for sigma, plain, grazing in zip(gaussians.sigmas, gaussians.plain, gaussians.grazing, strict=True)
     ]
 
 
-def _of_one(sigma: float, plain: Array, grazing: Array, alpha: float, seen) -> FacetMoments:  # noqa: ANN001
+def _of_one(sigma: float, plain: Array, grazing: Array, alpha: float, seen: _Seen) -> FacetMoments:
     quantile = (np.arange(_RADII) + 0.5) / _RADII
     radius = max(sigma, _NARROWEST) * np.sqrt(-2 * np.log1p(-quantile))[:, None]
     turn = (np.arange(_TURNS) + 0.5) * 2 * np.pi / _TURNS

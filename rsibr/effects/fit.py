@@ -28,6 +28,10 @@ WIDEST_GAP = 1.9
 MOST_GLOSSY = 2
 """Glossy lobes at most: a coat and what lies under it. Each costs a layer in every map."""
 
+ALL_BUT_MATTE = 0.35, 0.05
+"""Roughness from which on a fitted lobe joins the matte one, and share of the energy up to which it does: it mends the
+matte stand-in rather than being a lobe of its own."""
+
 _TINY = 1e-12
 _DRAWS = 128
 _PROBED = (0.004, 0.02, 0.07, 0.25, 0.7)  # widths at which light directions are drawn: dense wherever a lobe may be
@@ -118,7 +122,7 @@ def _clusters(roughnesses: tuple[float, ...], energy: list[float], most_glossy: 
     total = sum(energy)
     if total <= 0:
         return [[0]]
-    matte = [i for i, alpha in enumerate(roughnesses) if alpha == LAMBERT and energy[i] >= LEAST_SHARE * total]
+    matte = [[i] for i, alpha in enumerate(roughnesses) if alpha == LAMBERT and energy[i] >= LEAST_SHARE * total]
     groups: list[list[int]] = []
     for i, alpha in enumerate(roughnesses):
         if alpha == LAMBERT or energy[i] <= 1e-6 * total:
@@ -127,7 +131,15 @@ def _clusters(roughnesses: tuple[float, ...], energy: list[float], most_glossy: 
             groups[-1].append(i)
         else:
             groups.append([i])
-    return [[i] for i in matte] + _merged(groups, np.log(np.maximum(roughnesses, _TINY)), energy, most_glossy) or [[0]]
+    glossy = _merged(groups, np.log(np.maximum(roughnesses, _TINY)), energy, most_glossy)
+    least, share = ALL_BUT_MATTE
+    while matte and glossy and roughnesses[glossy[-1][0]] >= least and _carried(glossy[-1], energy) < share * total:
+        matte[0] += glossy.pop()
+    return (matte + glossy) or [[0]]
+
+
+def _carried(group: list[int], energy: list[float]) -> float:
+    return sum(energy[i] for i in group)
 
 
 def _merged(
@@ -136,16 +148,13 @@ def _merged(
     """Let faint groups join the nearest, and then the nearest join one another, until few enough are left."""
     least = LEAST_SHARE * sum(energy)
 
-    def carried(group: list[int]) -> float:
-        return sum(energy[i] for i in group)
-
     def centre(group: list[int]) -> float:
         return float(np.average(place[group], weights=[energy[i] for i in group]))
 
     while len(groups) > 1:
         gaps = [centre(b) - centre(a) for a, b in pairwise(groups)]
-        faintest = int(np.argmin([carried(group) for group in groups]))
-        if carried(groups[faintest]) < least:
+        faintest = int(np.argmin([_carried(group, energy) for group in groups]))
+        if _carried(groups[faintest], energy) < least:
             left = (
                 faintest - 1
                 if faintest == len(gaps) or (faintest > 0 and gaps[faintest - 1] < gaps[faintest])

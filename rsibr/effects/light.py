@@ -42,7 +42,7 @@ def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUT
         return np.zeros((resolution, resolution, 3), dtype=np.float32)
     finer = math.ceil(_POINTS * width / (2 * math.sqrt(math.pi) * resolution))
     points = min(max(_POINTS, finer), _MOST_POINTS)
-    total = mi.Color3f(0)
+    total = dr.zeros(mi.Color3f, resolution**2)  # a constant emitter answers for all lanes at once
     offsets = (np.arange(points) + 0.5) / points
     for right in offsets:
         for down in offsets:  # a pass a point, lest a fine environment fills the memory

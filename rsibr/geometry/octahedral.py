@@ -1,7 +1,7 @@
 """The octahedral map: the whole sphere of directions on one square, without poles and with a cheap inverse.
 
-A direction is projected onto the octahedron |x| + |y| + |z| = 1 and the lower half of that folded outward over the upper
-one. In an image of R×R texels column i lies at x = 2(i+½)/R − 1 and row j at y = 2(j+½)/R − 1; +z is in the middle.
+A direction is projected onto the octahedron |x| + |y| + |z| = 1 and the lower half of that folded outward over the
+upper one. In an image of R×R texels column i lies at x = 2(i+½)/R − 1 and row j at y = 2(j+½)/R − 1; +z is the middle.
 """
 
 from __future__ import annotations

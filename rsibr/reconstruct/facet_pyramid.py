@@ -32,11 +32,12 @@ _LEAST_HEIGHT = 0.01
 def finest_resolution(resolution: int) -> int:
     """Texels a side of the first level for sphere maps of N×N texels.
 
-    Half of N, but not below 96 nor above 256, and a multiple of 16: what is narrower than its texels is looked up in the
-    light itself.
+    Half of N, but not below 96 nor above 256, and a multiple of 16: what is narrower than its texels is looked up in
+    the light itself.
     """
-    unit = 2 ** (LEVELS - 1)
-    return unit * int(np.clip(round(0.5 * resolution / unit), *_COARSEST))
+    unit: int = 2 ** (LEVELS - 1)
+    least, most = _COARSEST
+    return unit * min(max(round(0.5 * resolution / unit), least), most)
 
 
 def level_variances() -> NDArray[np.float64]:
@@ -153,7 +154,7 @@ def _stored(texels: mi.Vector4f) -> mi.Float:
 
 
 def _offsets() -> NDArray[np.float64]:
-    return np.arange(_TAPS) - (_TAPS - 1) / 2
+    return np.arange(_TAPS, dtype=np.float64) - (_TAPS - 1) / 2
 
 
 def _taps() -> NDArray[np.float64]:

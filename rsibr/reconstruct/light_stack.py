@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rsibr.geometry.frame import frame_of
 from rsibr.geometry.octahedral import bordered, square_from_direction, texel_directions, texel_solid_angles
 from rsibr.geometry.resident import resident
+from rsibr.reconstruct.texel import packed, unpacked
 
 WIDEST = 1.3
 """Standard deviation [rad] of the most blurred level: wider ones all but hold the mean."""
@@ -34,7 +35,7 @@ class LightStack:
     Attributes
     ----------
     texels : mi.Float
-        RGBA of all levels, each with a border of one texel, flat; A is unused.
+        Texels of all levels, each with a border of one texel, flat: bits of two words a texel (see `texel`).
     starts, resolutions : mi.UInt32
         Where each level begins, in texels, and its texels a side.
     variances : mi.Float
@@ -93,10 +94,10 @@ class LightStack:
 
     @classmethod
     def _stacked(cls, levels: list[NDArray[np.float32]], widths: list[float]) -> LightStack:
-        images = [np.pad(bordered(level), ((0, 0), (0, 0), (0, 1))).reshape(-1, 4) for level in levels]
+        images = [packed(bordered(level)).reshape(-1, 2) for level in levels]
         starts = np.cumsum([0, *map(len, images[:-1])])
         return cls(
-            texels=resident(mi.Float, np.concatenate(images)),
+            texels=resident(mi.Float, np.concatenate(images).view(np.float32)),
             starts=resident(mi.UInt32, starts.astype(np.uint32)),
             resolutions=resident(mi.UInt32, np.array([len(level) for level in levels], dtype=np.uint32)),
             variances=resident(mi.Float, np.square(widths).astype(np.float32)),
@@ -138,20 +139,21 @@ class LightStack:
         stride = resolution + 2
         corner = dr.fma(top, stride, left) + start
 
-        def texel(offset: mi.UInt32 | int) -> mi.Color3f:
-            packet = dr.gather(mi.Vector4f, self.texels, corner + offset)
-            return mi.Color3f(packet.x, packet.y, packet.z)
+        def between(offset: mi.UInt32 | int) -> mi.Color3f:
+            (one, one_scale), (other, other_scale) = self._texel(corner + offset), self._texel(corner + offset + 1)
+            return one * ((1 - rightward) * one_scale) + other * (rightward * other_scale)
 
-        upper = dr.lerp(texel(0), texel(1), rightward)
-        lower = dr.lerp(texel(stride), texel(stride + 1), rightward)
-        return dr.lerp(upper, lower, downward)
+        return dr.lerp(between(0), between(stride), downward)
+
+    def _texel(self, index: mi.UInt32) -> tuple[mi.Color3f, mi.Float]:
+        return unpacked(dr.reinterpret_array(mi.Vector2u, dr.gather(mi.Vector2f, self.texels, index)))
 
     def _level(self, width: mi.Float) -> mi.Float:
         return 2 * dr.log2(dr.maximum(width, 1e-9) / self.finest) + 1
 
 
 def _blocks(light: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Merge texels into a few thousand blocks: radiance times solid angle, solid angle, where it comes from in the mean.
+    """Merge texels into a few thousand blocks: radiance times solid angle, solid angle, and mean direction.
 
     All of shape (blocks, 3).
     """
@@ -161,7 +163,7 @@ def _blocks(light: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np
     directions = np.array(texel_directions(len(light)), dtype=np.float64).T
 
     def merged(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return values.reshape(count, side, count, side, 3).sum(axis=(1, 3)).reshape(-1, 3)
+        return np.asarray(values.reshape(count, side, count, side, 3).sum(axis=(1, 3)).reshape(-1, 3))
 
     radiance = light.reshape(-1, 3) * angles
     brightness = radiance.sum(axis=1, keepdims=True)

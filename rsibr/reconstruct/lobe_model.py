@@ -1,16 +1,16 @@
 """A model of what a lobe reflects, made of the light alone: taken out of the stored maps, put back in the new one.
 
-A lobe gathers its light over the slopes of facets, as a mixture of Gaussians (`rsibr.effects.kernel`). Seen at an angle a
-narrow Gaussian is an ellipse around the mirror direction: as wide as 2σ in the plane of incidence and 2σ cos θ across it.
-It is looked up at a few places along the plane of incidence, in a light that is blurred as much as it is narrow. A wide
-one varies so little over the map that it is enough to know it at the nodes of a coarse polar grid.
+A lobe gathers its light over the slopes of facets, as a mixture of Gaussians (`rsibr.effects.kernel`). A narrow one is
+a streak around the mirror direction and looked up along it (`rsibr.reconstruct.streak`). A wide one varies so little
+over the map that it is enough to know it at the nodes of a coarse polar grid.
 
-The model need not be true. What it says at a stored view is compared with the map there, and the difference is carried to
-the new view: an error of the model counts only as far as it changes from view to view; ../shared/RESEARCH.md, section 4.
+The model need not be true. What it says at a stored view is compared with the map there, and the difference is carried
+to the new view: an error of the model counts only as far as it changes from view to view.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import drjit as dr
@@ -23,13 +23,16 @@ from rsibr.effects.proxy import COAT_IOR, refracted, schlick, transmitted
 from rsibr.geometry.resident import resident
 from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.polar_grid import PolarGrid
-from rsibr.reconstruct.streak import Slant, Streak
+from rsibr.reconstruct.streak import Slant, Streak, spreads_of_lookups
 
 WIDE = 0.12
 """Standard deviation of slopes from which on a Gaussian is gathered at the nodes of the coarse grid."""
 
 _POINTS = 192  # of the quadrature over wide Gaussians
 _FILLING = 1.0  # width of a point's blur over the radius of the disk that it stands for
+_Seen = Callable[[Slant, "mi.Vector3f"], tuple["mi.Vector3f", "mi.Float", "mi.Float", "mi.Float"]]
+"""(surface, facet) → where it reflects the viewer to, its weight, its grazing term, and how it spreads."""
+
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 
@@ -81,8 +84,8 @@ class LobeModel:
         Narrow Gaussians: (σ, 0, 0) and the weights.
     bare, coated : Rows
         Quadrature points of wide Gaussians, on the surface and under a coat: (slope x, slope y, area) and the weights.
-    streak : Streak
-        How a narrow Gaussian is looked up.
+    spreads : mi.Float
+        See `rsibr.reconstruct.streak.spreads_of_lookups`.
     """
 
     light: LightStack
@@ -91,7 +94,7 @@ class LobeModel:
     narrow: Rows
     bare: Rows
     coated: Rows
-    streak: Streak
+    spreads: mi.Float
 
     @classmethod
     def of(cls, kernel: LobeKernel, stack: LightStack, light: NDArray[np.float32]) -> LobeModel:
@@ -115,7 +118,7 @@ class LobeModel:
             narrow=Rows.of(widths, narrow.plain, narrow.grazing),
             bare=_quadrature(kernel.bare.between(WIDE, np.inf)),
             coated=_quadrature(kernel.coated),
-            streak=Streak.prepared(),
+            spreads=spreads_of_lookups(),
         )
 
     @property
@@ -180,7 +183,7 @@ class LobeModel:
                 w, factor, grazed = self._reflected(slant.v, facet)
                 return w, factor * (plain + grazing * grazed)
 
-            a, b = self.streak.gather(slant, sigma.x, spacing, colour, self.light.blurred)
+            a, b = Streak.of(slant, sigma.x, spacing).gather(self.spreads, colour, self.light.blurred)
             return i + 1, light + a, weight + b
 
         _, light, weight = dr.while_loop(
@@ -196,7 +199,7 @@ class LobeModel:
         """Light and weight of the wide Gaussians, by quadrature over slopes."""
         return _sum(self._quadrature(slant, self.bare, self._bare), self._quadrature(slant, self.coated, self._coated))
 
-    def _quadrature(self, slant, points, seen):  # noqa: ANN001, ANN202
+    def _quadrature(self, slant: Slant, points: Rows, seen: _Seen) -> tuple[mi.Color3f, mi.Color3f]:
         def gather(i: mi.UInt32, light: mi.Color3f, weight: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f, mi.Color3f]:
             slope, plain, grazing = points.row(i)
             facet = dr.normalize(mi.Vector3f(slope.x, slope.y, 1))

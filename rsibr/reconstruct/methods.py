@@ -84,7 +84,7 @@ class MethodSet:
         return self._made[name]
 
     def lobed(self, corrections: Corrections) -> LobedMethod:
-        """Make the lobes warped apart, without the light: what `rsibr` was before it had a model, to see what each gains.
+        """Make the method that warps the lobes apart and knows nothing of the light, with what it does beyond warping.
 
         Raises
         ------

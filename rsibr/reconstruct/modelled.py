@@ -1,14 +1,15 @@
 """Methods that take a model of the reflected light out of the stored maps and put it back in the new one.
 
-L(n, v) ≈ P(n, v) + E(θ) × the residuals of the stored views, carried as `rsibr.reconstruct.residual` says, with the model P
-and the directional albedo E of the whole material. Two models: one gathers each lobe's light where it is needed
-(`rsibr-fine`), the other for a whole map at once (`rsibr`).
+L(n, v) ≈ P(n, v) + E(θ) × the residuals of the stored views, carried as `rsibr.reconstruct.residual` says, with the
+model P and the directional albedo E of the whole material. There are two models: one gathers each lobe's light where it
+is needed (`rsibr-fine`), the other for a whole map at once (`rsibr`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -91,11 +92,11 @@ class ModelledMethod(Method):
     def _finished(self, radiance: mi.Color3f) -> mi.Color3f:
         return radiance if self.is_part else dr.maximum(radiance, 0)
 
-    def _gathered(self, frame: mi.Matrix3f, resolution: int) -> object:
+    def _gathered(self, frame: mi.Matrix3f, resolution: int) -> Any:
         """What the model of a whole map can know before its texels; arrays, to be evaluated."""
         raise NotImplementedError
 
-    def _modelled(self, n: mi.Vector3f, frame: mi.Matrix3f, gathered: object, resolution: int) -> mi.Color3f:
+    def _modelled(self, n: mi.Vector3f, frame: mi.Matrix3f, gathered: Any, resolution: int) -> mi.Color3f:
         """Radiance that the model gives the texels of a map with the normals `n` in the map's frame."""
         raise NotImplementedError
 

@@ -1,4 +1,4 @@
-"""A coarse grid over a sphere map, even in the angle of the surface and so finer toward the rim, as the paper's mesh is."""
+"""A coarse grid over a sphere map, even in the angle of the surface and so finer toward the rim, like the mesh."""
 
 from __future__ import annotations
 

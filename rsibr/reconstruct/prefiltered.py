@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +15,6 @@ from rsibr.reconstruct.facet_pyramid import finest_resolution, gathered, lookup
 from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.lobe_weights import albedo_at_nodes, lobe_weights
 from rsibr.reconstruct.streak import Slant, Streak
-
-_DENSITY, _MOST_LOOKUPS = 0.7, 6  # of what is sharp: it is a texel wide or less
 
 Array = NDArray[np.float64]
 
@@ -38,8 +35,6 @@ class PrefilteredLobes:
         Weight and width of what is narrower than the first level; None where nothing is.
     matte : list of (LightStack, AngleTable)
         Irradiance and albedo of each matte lobe.
-    streak : Streak
-        How the sharp part is looked up.
     """
 
     light: LightStack
@@ -47,7 +42,6 @@ class PrefilteredLobes:
     levels: list[AngleTable]
     sharp: AngleTable | None
     matte: list[tuple[LightStack, AngleTable]]
-    streak: Streak
 
     @classmethod
     def of(
@@ -83,7 +77,6 @@ class PrefilteredLobes:
                 for kernel, albedo in lobes
                 if kernel.is_matte and part in (None, kernel)
             ],
-            streak=Streak.prepared(_DENSITY, _MOST_LOOKUPS),
         )
 
     def gathered(self, frame: mi.Matrix3f) -> mi.Float:
@@ -109,19 +102,12 @@ class PrefilteredLobes:
         world = frame @ n
         for irradiance, albedo in self.matte:
             radiance += _colour(albedo.at(n.z)) * irradiance.fetch(world, mi.UInt32(0))
-        return radiance if self.sharp is None else radiance + self._sharp(world, frame, n.z, spacing)
-
-    def _sharp(self, n: mi.Vector3f, frame: mi.Matrix3f, cosine: mi.Float, spacing: mi.Float) -> mi.Color3f:
-        weight = self.sharp.at(cosine)
-        slant = Slant.of(n, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
-
-        def colour(facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Color3f]:
-            toward = dr.dot(facet, slant.v)
-            w = 2 * toward * facet - slant.v
-            return w, mi.Color3f(dr.select((toward > 0) & (w.z > 0), toward, 0))
-
-        light, total = self.streak.gather(slant, weight.w, spacing, colour, self.light.roughly_blurred)
-        return _colour(weight) * light / dr.maximum(total, 1e-20)
+        if self.sharp is None:
+            return radiance
+        weight = self.sharp.at(n.z)
+        slant = Slant.of(world, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
+        sharp = Streak.of(slant, weight.w, spacing).at_two_places(self.light.roughly_blurred)
+        return radiance + _colour(weight) * sharp
 
 
 def _colour(values: mi.Vector4f) -> mi.Color3f:

@@ -1,7 +1,7 @@
 """The light of a narrow Gaussian of facets, seen at an angle: a streak around the mirror direction.
 
-It is as wide as 2σ in the plane of incidence and 2σ cos θ across it, and is looked up at a few places from end to end in
-a light that is blurred as much as the streak is narrow.
+It is as wide as 2σ in the plane of incidence and 2σ cos θ across it, and is looked up at a few places from end to end
+in a light that is blurred as much as the streak is narrow.
 """
 
 from __future__ import annotations
@@ -15,7 +15,12 @@ import numpy as np
 
 from rsibr.geometry.resident import resident
 
+LookUp = Callable[["mi.Vector3f", "mi.Float"], "mi.Color3f"]
+"""(direction, standard deviation of the blur [rad]) → the light; of a `LightStack`."""
+
 _REACH = 2.2  # standard deviations that the lookups reach
+_DENSITY = 2.0  # lookups to a ratio of the streak's axes
+_MOST_LOOKUPS = 24
 _OVERLAP = 0.3  # least width of a lookup over the distance to the next
 _LEAST_COSINE = 1e-3
 _GRAZING = 0.02  # cosine below which a streak grows no longer
@@ -59,85 +64,113 @@ class Slant:
         return self.x * w.x + self.y * w.y + self.n * w.z
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True)
 class Streak:
-    """How to look a streak up.
+    """The facets of a narrow Gaussian, as a viewer sees them.
 
     Attributes
     ----------
-    spreads : mi.Float
-        For each count of lookups the factor on their places that gives them the variance of the Gaussian.
-    density : float
-        Lookups to a ratio of the streak's axes.
+    slant : Slant
+        The surface.
+    along, across : mi.Float
+        Standard deviation of the facets' slopes in the plane of incidence, beyond what the blur of a lookup covers of
+        it, and across that plane.
     """
 
-    spreads: mi.Float
-    density: float
+    slant: Slant
+    along: mi.Float
+    across: mi.Float
 
     @classmethod
-    def prepared(cls, density: float = 2.0, most: int = 24) -> Streak:
-        """Put on the device how to look a streak up, at `most` places at most."""
-        return cls(resident(mi.Float, np.array([_spread(n) for n in range(most + 1)], dtype=np.float32)), density)
-
-    def gather(
-        self,
-        slant: Slant,
-        sigma: mi.Float,
-        spacing: mi.Float,
-        colour: Callable[[mi.Vector3f], tuple[mi.Vector3f, mi.Color3f]],
-        look_up: Callable[[mi.Vector3f, mi.Float], mi.Color3f],
-    ) -> tuple[mi.Color3f, mi.Color3f]:
-        """Gather a light over a Gaussian of facets.
+    def of(cls, slant: Slant, sigma: mi.Float, spacing: mi.Float) -> Streak:
+        """Look at a Gaussian of facets.
 
         Parameters
         ----------
         slant : Slant
-            The surface as the viewer sees it.
+            The surface.
         sigma : mi.Float
             Standard deviation of the facets' slopes.
         spacing : mi.Float
             Distance of neighbouring texels in radii of the disk, 0 for a point: a texel sees the facets of all its
             normals, and at the rim it spans 1/cos θ as many along the plane of incidence.
+        """
+        cosine = dr.maximum(slant.cosine, _GRAZING)
+        texel = spacing * spacing * (1 / 12)  # variance of a box
+        across = dr.sqrt(sigma * sigma + texel)
+        along = sigma * sigma + texel / (cosine * cosine) - dr.square(cosine * across)
+        return cls(slant, dr.sqrt(dr.maximum(along, 0)), across)
+
+    def at_two_places(self, look_up: LookUp) -> mi.Color3f:
+        """Mean light, looked up one standard deviation to either side of the middle.
+
+        Notes
+        -----
+        The Gauss–Hermite rule of two points. A place counts by the area that the viewer sees of its facet.
+        """
+        light, weight = mi.Color3f(0), mi.Float(0)
+        for t in (-1, 1):
+            facet = dr.normalize(mi.Vector3f(t * self.along, 0, 1))
+            toward = dr.dot(facet, self.slant.v)
+            w = 2 * toward * facet - self.slant.v
+            share = dr.select((toward > 0) & (w.z > 0), toward, 0)
+            light += share * look_up(self.slant.to_world(w), self._width(facet, 0.5 * self.along))
+            weight += share
+        return light / dr.maximum(weight, 1e-20)
+
+    def gather(
+        self, spreads: mi.Float, colour: Callable[[mi.Vector3f], tuple[mi.Vector3f, mi.Color3f]], look_up: LookUp
+    ) -> tuple[mi.Color3f, mi.Color3f]:
+        """Light and weight, looked up at as many places as the streak is longer than wide.
+
+        Parameters
+        ----------
+        spreads : mi.Float
+            From `spreads_of_lookups`.
         colour : callable
             Facet → the direction that it mirrors the viewer into, and its weight, both in the surface's frame.
         look_up : callable
-            Direction and width of blur → the light; of a `LightStack`.
+            The light.
 
         Returns
         -------
         mi.Color3f, mi.Color3f
             Weighted light [W sr⁻¹ m⁻²], and the weight.
         """
-        cosine = dr.maximum(slant.cosine, _GRAZING)
-        texel = spacing * spacing * (1 / 12)  # variance of a box
-        across = dr.sqrt(sigma * sigma + texel)
-        # What the blur of a lookup covers along the plane of incidence is taken off
-        along = dr.sqrt(dr.maximum(sigma * sigma + texel / (cosine * cosine) - dr.square(cosine * across), 0))
-        lookups = dr.clip(dr.ceil(self.density * along / (cosine * across)), 1, len(self.spreads) - 1)
-        step, spread = 2 * _REACH / lookups, dr.gather(mi.Float, self.spreads, mi.UInt32(lookups))
-        least = _OVERLAP * 2 * step * along
+        ratio = self.along / (dr.maximum(self.slant.cosine, _GRAZING) * self.across)
+        lookups = dr.clip(dr.ceil(_DENSITY * ratio), 1, _MOST_LOOKUPS)
+        step, spread = 2 * _REACH / lookups, dr.gather(mi.Float, spreads, mi.UInt32(lookups))
+        least = _OVERLAP * 2 * step * self.along
 
         def look(
-            j: mi.Float, gathered: mi.Color3f, weight: mi.Color3f, total: mi.Float
+            j: mi.Float, light: mi.Color3f, weight: mi.Color3f, total: mi.Float
         ) -> tuple[mi.Float, mi.Color3f, mi.Color3f, mi.Float]:
             t = dr.fma(j + 0.5, step, -_REACH)
-            facet = dr.normalize(mi.Vector3f(t * spread * along, 0, 1))
+            facet = dr.normalize(mi.Vector3f(t * spread * self.along, 0, 1))
             share = dr.exp(-0.5 * t * t)
             w, weighing = colour(facet)
-            width = dr.maximum(2 * dr.dot(facet, slant.v) * facet.z * across, least)
             weighing *= share
-            gathered += weighing * look_up(slant.to_world(w), width)
-            return j + 1, gathered, weight + weighing, total + share
+            light += weighing * look_up(self.slant.to_world(w), self._width(facet, least))
+            return j + 1, light, weight + weighing, total + share
 
-        _, gathered, weight, total = dr.while_loop(
+        _, light, weight, total = dr.while_loop(
             state=(mi.Float(0), dr.zeros(mi.Color3f, 1), dr.zeros(mi.Color3f, 1), mi.Float(0)),
-            cond=lambda j, _gathered, _weight, _total: j < lookups,
+            cond=lambda j, _light, _weight, _total: j < lookups,
             body=look,
-            labels=("j", "gathered", "weight", "total"),
+            labels=("j", "light", "weight", "total"),
             label="lookups_along_a_streak",
         )
         scale = dr.rcp(total)
-        return gathered * scale, weight * scale
+        return light * scale, weight * scale
+
+    def _width(self, facet: mi.Vector3f, least: mi.Float) -> mi.Float:
+        """Standard deviation [rad] of the blur to look the light up with: the streak's across, but not too narrow."""
+        return dr.maximum(2 * dr.dot(facet, self.slant.v) * facet.z * self.across, least)
+
+
+def spreads_of_lookups() -> mi.Float:
+    """For each count of lookups the factor on their places that gives them the variance of the Gaussian."""
+    return resident(mi.Float, np.array([_spread(n) for n in range(_MOST_LOOKUPS + 1)], dtype=np.float32))
 
 
 def _spread(lookups: int) -> float:

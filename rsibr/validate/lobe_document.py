@@ -49,7 +49,7 @@ class LobeSummaryModel(StrictModel):
 
 
 class LobesModel(StrictModel):
-    """Each lobe's part in the maps of one method, against the bake's own integrator: no path tracer tells lobes apart."""
+    """Each lobe's part in the maps of a method, against the bake's own integrator: no path tracer tells lobes apart."""
 
     method: str
     samples: int = Field(description="samples a texel of a lobe-resolved reference, all buffers together")

@@ -1,8 +1,8 @@
 """Which lobe a reconstruction gets wrong: the part of each in a map of `rsibr`, against a lobe-resolved reference.
 
-A path tracer cannot say which lobe light came from. The reference of the lobes is the bake's own integrator with its own
-split, at the new view and on a branch of the seed tree of its own: it shows how well each lobe was carried there from the
-stored views. An error of the integrator itself shows only against the path-traced reference of the whole.
+A path tracer cannot say which lobe light came from. The reference of the lobes is the bake's own integrator with its
+own split, at the new view and on a branch of the seed tree of its own: it shows how well each lobe was carried there
+from the stored views. An error of the integrator itself shows only against the path-traced reference of the whole.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ class LobeError:
     reference, image : ndarray, shape (H, W, 3)
         Its radiance, and its part in the reconstruction.
     rel_mse : Estimate
-        Mean of (a_k − b_k)²/(b² + ε) over texels and channels: the squared error of the lobe over the denominator of the
-        whole map's relMSE, the reference's noise taken out. Those of all lobes need not add up to the whole's: errors
-        of two lobes may cancel.
+        Mean of (a_k − b_k)²/(b² + ε) over texels and channels: the squared error of the lobe over the denominator of
+        the whole map's relMSE, the reference's noise taken out. Those of all lobes need not add up to the whole's:
+        errors of two lobes may cancel.
     light : float
         Share of the lobe in all light of the map.
     relative_error : ndarray, shape (H, W)

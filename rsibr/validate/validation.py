@@ -68,8 +68,8 @@ def validate(
     buffers : int
         Independent buffers a reference, at least 8.
     lobes : bool, optional
-        Whether to judge `rsibr` lobe by lobe as well; by default where it is among the methods and the bake has more than
-        one. See `rsibr.validate.lobes`.
+        Whether to judge `rsibr` lobe by lobe as well, see `rsibr.validate.lobes`; by default where it is among the
+        methods and the bake has more than one.
     out : path, optional
         Directory for `report.html`, `metrics.json` and the pictures.
     on_progress : callable

@@ -51,6 +51,7 @@ def tampered(original: Bake, out: Path, changes: dict[int, MapFile]) -> Bake:
     manifest = original.manifest
     fresh = manifest.with_views(*(state.pending() for state in manifest.views))
     with BakeWriter.open(out, Manifest.model_validate(fresh.model_dump())) as writer:
+        writer.commit_light(original.light)
         for index in range(original.view_count):
             writer.commit(index, changes.get(index, original.map(index)), 0.25)
     return open_bake(out)
