@@ -91,7 +91,7 @@ def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
     wi, wo, density = _directions()
     components: list[int] | list[None] = told_apart(bsdf, wi, wo, density) or [None]
     matte = [c is not None and mi.has_flag(bsdf.flags(c), mi.BSDFFlags.Diffuse) for c in components]
-    glossy = ROUGHNESSES[1:] if any(matte) else ROUGHNESSES
+    glossy = ROUGHNESSES if len(components) == 1 else ROUGHNESSES[1:]
     most = max(MOST_GLOSSY // max(matte.count(False), 1), 1)
     lobes = [
         replace(lobe, component=component)
