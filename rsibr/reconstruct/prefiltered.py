@@ -50,6 +50,7 @@ class PrefilteredLobes:
         stack: LightStack,
         light: NDArray[np.float32],
         resolution: int,
+        part: LobeKernel | None = None,
     ) -> PrefilteredLobes:
         """Prepare the lobes for sphere maps of N×N texels.
 
@@ -61,9 +62,11 @@ class PrefilteredLobes:
             The light, blurred; and as it is, shape (R, R, 3).
         resolution : int
             N.
+        part : LobeKernel, optional
+            The one of `lobes` to take alone; the parts of all add up to the whole.
         """
         finest = finest_resolution(resolution)
-        weights = lobe_weights([lobe for lobe in lobes if not lobe[0].is_matte], finest)
+        weights = lobe_weights([lobe for lobe in lobes if not lobe[0].is_matte], finest, part)
         return cls(
             light=stack,
             resolution=finest,
@@ -72,7 +75,7 @@ class PrefilteredLobes:
             matte=[
                 (LightStack.irradiance(light, kernel.matte), AngleTable.of(albedo_at_nodes(albedo)))
                 for kernel, albedo in lobes
-                if kernel.is_matte
+                if kernel.is_matte and part in (None, kernel)
             ],
         )
 

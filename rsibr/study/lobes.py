@@ -15,8 +15,8 @@ from rsibr.reconstruct.reconstruction import run
 from rsibr.study.results import mean_model
 from rsibr.study.scene import Scene
 from rsibr.study.truth import Arrays, TruthStore
-from rsibr.validate.document import EstimateModel
 from rsibr.validate.estimate import Estimate, jackknife
+from rsibr.validate.estimate_document import EstimateModel
 from rsibr.validate.metrics import COVERED, denominator
 from rsibr.validate.reference import MINIMUM_BUFFERS, Reference
 

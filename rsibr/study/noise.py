@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rsibr.bake.map_file import MapFile
 from rsibr.bake.store import Bake
-from rsibr.validate.document import EstimateModel
+from rsibr.validate.estimate_document import EstimateModel
 from rsibr.validate.metrics import COVERED, denominator
 from rsibr.validate.reference import Reference
 

@@ -13,8 +13,8 @@ from rsibr.study.analysis import SceneAnalysis
 from rsibr.study.document import StudyDocument
 from rsibr.study.doubling import DoublingRecord
 from rsibr.study.results import PointRecord, SceneRecord
-from rsibr.validate.document import EstimateModel
 from rsibr.validate.estimate import readable
+from rsibr.validate.estimate_document import EstimateModel
 from rsibr.validate.page import duration, number, size
 from rsibr.validate.pictures import bar_colours
 

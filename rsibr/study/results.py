@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from rsibr.validate.document import EstimateModel
 from rsibr.validate.estimate import Estimate, mean_estimate
+from rsibr.validate.estimate_document import EstimateModel
 from rsibr.validate.metrics import MapError
 
 Positive = Annotated[float, Field(ge=0)]
