@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rsibr.reconstruct.methods import METHODS as METHODS
     from rsibr.reconstruct.reconstruction import reconstruct as reconstruct
     from rsibr.scene.config import load_config as load_config
+    from rsibr.study.runner import study as study
     from rsibr.validate.check import check as check
     from rsibr.validate.validation import validate as validate
 
@@ -34,10 +35,22 @@ _HOME = {
     "open_bake": "rsibr.bake.store",
     "plan": "rsibr.bake.forecast",
     "reconstruct": "rsibr.reconstruct.reconstruction",
+    "study": "rsibr.study.runner",
     "validate": "rsibr.validate.validation",
 }
 
-__all__ = ["METHODS", "__version__", "bake", "check", "load_config", "open_bake", "plan", "reconstruct", "validate"]
+__all__ = [
+    "METHODS",
+    "__version__",
+    "bake",
+    "check",
+    "load_config",
+    "open_bake",
+    "plan",
+    "reconstruct",
+    "study",
+    "validate",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -16,7 +16,14 @@ from rsibr import backend
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.manifest import EnvironmentRecord, LobeRecord, Manifest, MaterialRecord, ProxyRecord
 from rsibr.bake.map_file import MapFile
-from rsibr.bake.planning import baked_costs, planned_lobes, planned_scene, planned_settings, scope_of
+from rsibr.bake.planning import (
+    baked_costs,
+    planned_lobes,
+    planned_scene,
+    planned_settings,
+    planned_viewpoints,
+    scope_of,
+)
 from rsibr.bake.store import Bake, BakeWriter, open_bake
 from rsibr.effects.light import light_map
 from rsibr.effects.lobes import Lobe, LobeSplit
@@ -101,16 +108,17 @@ def bake(
     settings = config if isinstance(config, Config) else load_config(Path(config), overrides)
     variant = backend.use()
     environment, material = load_environment(settings.environment), load_material(settings.material)
-    viewpoints = load_viewpoints(settings.views)
     plan, probed = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples)[0])
     asked, settings = settings.map.resolution, planned_settings(settings, plan)
+    all_around = load_viewpoints(settings.views)
+    viewpoints = planned_viewpoints(all_around, settings, plan)
     split = None if settings.effects.lobes == "off" else probed
     manifest = plan_manifest(settings, environment, material, split, viewpoints, variant, plan)
     with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer:
         if not writer.has_light:
             writer.commit_light(light_map(environment.emitter(), environment.width))
         _bake_views(writer, settings, environment, material, split, viewpoints.directions, plan, on_progress)
-        writer.record_plan(priced(plan, baked_costs(writer.manifest), asked))
+        writer.record_plan(priced(plan, baked_costs(writer.manifest, len(all_around)), asked))
     return open_bake(Path(out))
 
 

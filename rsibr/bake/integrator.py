@@ -86,8 +86,8 @@ class SphereIntegrator:
         self.coverage = np.where(exact < LEAST_COVERAGE, 0, exact).astype(np.float32)
         self._light = mi.load_dict({"type": "scene", "light": emitter})
         self._bsdf = bsdf
-        self._split = split if split and len(split.lobes) > 1 else None
-        names = [lobe.name for lobe in self._split.lobes] if self._split else ["radiance"]
+        self._split = split if split and len(split.names) > 1 else None
+        names = self._split.names if self._split else ["radiance"]
         self._kept = [k for k, name in enumerate(names) if name not in scope.left_out]
         self.lobe_names = [names[k] for k in self._kept] if len(self._kept) > 1 else ["radiance"]
         self.grey = scope.grey

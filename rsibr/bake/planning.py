@@ -16,6 +16,7 @@ from rsibr.effects.material_probe import over_disk
 from rsibr.effects.plan import Plan
 from rsibr.effects.plan_costs import Costs
 from rsibr.effects.planner import make_plan, probe_scene
+from rsibr.geometry.viewpoints import Viewpoints, witness
 from rsibr.scene.config import Config, MapConfig
 from rsibr.scene.environment import Environment
 
@@ -39,6 +40,14 @@ def planned_settings(settings: Config, plan: Plan) -> Config:
     return settings.model_copy(update={"map": MapConfig(resolution=plan.resolution)})
 
 
+def planned_viewpoints(viewpoints: Viewpoints, settings: Config, plan: Plan) -> Viewpoints:
+    """Return the views to bake: all of them, or one where every lobe has a closed form in the light alone.
+
+    That one map is what the closed forms are held against; without lobes kept apart there are none.
+    """
+    return viewpoints if plan.needs_views or settings.effects.lobes == "off" else witness(viewpoints)
+
+
 def scope_of(plan: Plan) -> Scope:
     """What the integrator takes in."""
     return Scope(plan.grey, plan.light_samples, plan.left_out)
@@ -55,10 +64,10 @@ def planned_lobes(split: LobeSplit | None, plan: Plan) -> list[Lobe]:
     return [replace(lobe, albedo=np.broadcast_to(over_disk(lobe.albedo), lobe.albedo.shape)) for lobe in kept]
 
 
-def baked_costs(manifest: Manifest) -> Costs:
-    """Costs of a map, from the maps of a finished bake."""
+def baked_costs(manifest: Manifest, views: int) -> Costs:
+    """Costs of a map, from the maps of a finished bake; `views`: how many the config asked for."""
     return Costs(
-        views=len(manifest.views),
+        views=views,
         lobes=max(1, len(manifest.lobes)),
         seconds=median(state.seconds or 0.0 for state in manifest.views),
         bytes=round(median(state.bytes or 0 for state in manifest.views)),

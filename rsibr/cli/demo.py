@@ -18,7 +18,7 @@ def demo(
     out: Annotated[Path, typer.Option(help="Directory for the bake and the report.")] = Path("out/demo"),
     json_output: Json = False,
 ) -> None:
-    """Bake a clear-coat paint under a real sky, reconstruct novel views, compare with path tracing, write a report."""
+    """Bake a car paint under a real sky, reconstruct novel views, compare with path tracing, write a report."""
     from rsibr.bake.baker import bake
     from rsibr.cli.console import bake_progress, console, note_peculiarities, step_progress
     from rsibr.resources import configs

@@ -28,6 +28,10 @@ def validate(
     ] = None,
     method: Annotated[list[str] | None, typer.Option(help="A method to judge; repeatable; by default all.")] = None,
     samples: Annotated[int, typer.Option(min=8, max=2**24, help="Samples a texel of each reference.")] = 1024,
+    lobes: Annotated[
+        bool | None,
+        typer.Option("--lobes/--no-lobes", help="Judge rsibr lobe by lobe; by default where there are several."),
+    ] = None,
     json_output: Json = False,
 ) -> None:
     """Compare the methods with path-traced references at views that were not baked: errors, times, a report."""
@@ -37,7 +41,15 @@ def validate(
     from rsibr.validate.validation import validate as run
 
     with step_progress("validate") as show:
-        found = run(bake, views=given or views, methods=method or None, samples=samples, out=out, on_progress=show)
+        found = run(
+            bake,
+            views=given or views,
+            methods=method or None,
+            samples=samples,
+            lobes=lobes,
+            out=out,
+            on_progress=show,
+        )
     print_validation(found, out, json_output=json_output)
 
 

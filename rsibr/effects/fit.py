@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 
 import mitsuba as mi
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.stats import qmc
 
+from rsibr.effects.components import LEAST_SHARE, told_apart
 from rsibr.effects.probe import reflected
 from rsibr.effects.proxy import LAMBERT, lobe_values
 
@@ -25,9 +27,6 @@ WIDEST_GAP = 1.9
 
 MOST_GLOSSY = 2
 """Glossy lobes at most: a coat and what lies under it. Each costs a layer in every map."""
-
-LEAST_SHARE = 5e-3
-"""Share of the reflected energy below which a fitted lobe joins its neighbour."""
 
 ALL_BUT_MATTE = 0.35, 0.05
 """Roughness from which on a fitted lobe joins the matte one, and share of the energy up to which it does: it mends the
@@ -48,10 +47,13 @@ class ProxyLobe:
         Roughness of each; `LAMBERT` for a matte lobe.
     coefficients : tuple of ndarray, each of shape (terms, 3)
         Coefficient of each basis function of that roughness in each channel, ≥ 0; see `proxy.lobe_values`.
+    component : int or None
+        The component of the BSDF that it stands in for, or for a part of; None where components are not told apart.
     """
 
     alphas: tuple[float, ...]
     coefficients: tuple[NDArray[np.float64], ...]
+    component: int | None = None
 
     @property
     def is_matte(self) -> bool:
@@ -68,7 +70,7 @@ class ProxyLobe:
 
 
 def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
-    """Fit a BRDF by a few lobes, widest first.
+    """Fit a BRDF by a few lobes, matte first, then by roughness.
 
     Parameters
     ----------
@@ -78,7 +80,7 @@ def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
     Returns
     -------
     list of ProxyLobe
-        At least one.
+        At least one. Where Mitsuba tells components apart, each is fitted by itself.
 
     Notes
     -----
@@ -87,8 +89,22 @@ def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
     diffuse lobe in green and blue.
     """
     wi, wo, density = _directions()
-    wanted = reflected(bsdf, wi, wo)
-    terms = [_columns(wi, wo, alpha) for alpha in ROUGHNESSES]
+    components: list[int] | list[None] = told_apart(bsdf, wi, wo, density) or [None]
+    matte = [c is not None and mi.has_flag(bsdf.flags(c), mi.BSDFFlags.Diffuse) for c in components]
+    glossy = ROUGHNESSES if len(components) == 1 else ROUGHNESSES[1:]
+    most = max(MOST_GLOSSY // max(matte.count(False), 1), 1)
+    lobes = [
+        replace(lobe, component=component)
+        for component, is_matte in zip(components, matte, strict=True)
+        for lobe in _fitted(reflected(bsdf, wi, wo, component), (LAMBERT,) if is_matte else glossy, most)
+    ]
+    return sorted(lobes, key=lambda lobe: lobe.alpha)
+
+
+def _fitted(wanted: NDArray[np.float64], roughnesses: tuple[float, ...], most_glossy: int) -> list[ProxyLobe]:
+    """Fit values at `_directions` by proxies of some roughnesses."""
+    wi, wo, density = _directions()
+    terms = [_columns(wi, wo, alpha) for alpha in roughnesses]
     basis = np.concatenate(terms, axis=1)
     weight = 1.0 / np.sqrt(density[:, None] * (wanted + 1e-3 * wanted.max(axis=0, initial=1e-12, keepdims=True) + 1e-6))
     solved = np.stack([nnls(basis * weight[:, c, None], wanted[:, c] * weight[:, c])[0] for c in range(3)], axis=1)
@@ -96,27 +112,28 @@ def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
     coefficients = np.split(solved, ends[:-1])
     energy = [float((part / density[:, None] @ c).sum()) for part, c in zip(terms, coefficients, strict=True)]
     return [
-        ProxyLobe(tuple(ROUGHNESSES[i] for i in members), tuple(coefficients[i] for i in members))
-        for members in _clusters(energy)
+        ProxyLobe(tuple(roughnesses[i] for i in members), tuple(coefficients[i] for i in members))
+        for members in _clusters(roughnesses, energy, most_glossy)
     ]
 
 
-def _clusters(energy: list[float]) -> list[list[int]]:
-    """Group the roughnesses that carry energy, widest first: matte stands alone, and at most `MOST_GLOSSY` others."""
+def _clusters(roughnesses: tuple[float, ...], energy: list[float], most_glossy: int) -> list[list[int]]:
+    """Group the roughnesses that carry energy: matte stands alone, and at most `most_glossy` others."""
     total = sum(energy)
     if total <= 0:
         return [[0]]
-    carrying = [i for i, e in enumerate(energy) if e > 1e-6 * total]
-    matte = [[0]] if energy[0] >= LEAST_SHARE * total else []
+    matte = [[i] for i, alpha in enumerate(roughnesses) if alpha == LAMBERT and energy[i] >= LEAST_SHARE * total]
     groups: list[list[int]] = []
-    for i in (i for i in carrying if i > 0):
-        if groups and ROUGHNESSES[i] < WIDEST_GAP * ROUGHNESSES[groups[-1][-1]]:
+    for i, alpha in enumerate(roughnesses):
+        if alpha == LAMBERT or energy[i] <= 1e-6 * total:
+            continue
+        if groups and alpha < WIDEST_GAP * roughnesses[groups[-1][-1]]:
             groups[-1].append(i)
         else:
             groups.append([i])
-    glossy = _merged(groups, energy, LEAST_SHARE * total)
-    roughness, share = ALL_BUT_MATTE
-    while matte and glossy and ROUGHNESSES[glossy[-1][0]] >= roughness and _carried(glossy[-1], energy) < share * total:
+    glossy = _merged(groups, np.log(np.maximum(roughnesses, _TINY)), energy, most_glossy)
+    least, share = ALL_BUT_MATTE
+    while matte and glossy and roughnesses[glossy[-1][0]] >= least and _carried(glossy[-1], energy) < share * total:
         matte[0] += glossy.pop()
     return [*matte, *reversed(glossy)] or [[0]]
 
@@ -125,11 +142,14 @@ def _carried(group: list[int], energy: list[float]) -> float:
     return sum(energy[i] for i in group)
 
 
-def _merged(groups: list[list[int]], energy: list[float], least: float) -> list[list[int]]:
+def _merged(
+    groups: list[list[int]], place: NDArray[np.float64], energy: list[float], most_glossy: int
+) -> list[list[int]]:
     """Let faint groups join the nearest, and then the nearest join one another, until few enough are left."""
+    least = LEAST_SHARE * sum(energy)
 
     def centre(group: list[int]) -> float:
-        return float(np.average(np.log([ROUGHNESSES[i] for i in group]), weights=[energy[i] for i in group]))
+        return float(np.average(place[group], weights=[energy[i] for i in group]))
 
     while len(groups) > 1:
         gaps = [centre(b) - centre(a) for a, b in pairwise(groups)]
@@ -140,7 +160,7 @@ def _merged(groups: list[list[int]], energy: list[float], least: float) -> list[
                 if faintest == len(gaps) or (faintest > 0 and gaps[faintest - 1] < gaps[faintest])
                 else faintest
             )
-        elif len(groups) > MOST_GLOSSY:
+        elif len(groups) > most_glossy:
             left = int(np.argmin(gaps))
         else:
             break
@@ -153,6 +173,7 @@ def _columns(wi: NDArray[np.float64], wo: NDArray[np.float64], alpha: float) -> 
     return np.stack([np.array(value, dtype=np.float64) for value in values], axis=1)
 
 
+@cache
 def _directions() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Pairs of directions, and the density [sr⁻¹] of the light directions, summed over the ways to draw them."""
     u = qmc.Sobol(2, scramble=True, seed=7).random(_DRAWS)

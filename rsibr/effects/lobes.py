@@ -1,12 +1,15 @@
 """Splits a material, exactly, into lobes that are each warped in their own way.
 
-f = Σ f·ω_k with ω_k = h_k / Σ h_j, per colour channel: whatever the stand-ins h_k are, the lobes add up to f.
+f = Σ f·ω_k with ω_k = h_k / Σ h_j, per colour channel: whatever the stand-ins h_k are, the lobes add up to f. Where
+Mitsuba tells the components of a BSDF apart, each component f_c takes its own share instead: ω_k = f_c/f · h_k / Σ h_j
+over the stand-ins of that component, most often only one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
@@ -14,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.effects.albedo import albedo_tables, mirror_albedo
+from rsibr.effects.components import component_shares
 from rsibr.effects.fit import ProxyLobe, fit_lobes
 from rsibr.effects.proxy import LAMBERT, lobe_values
 
@@ -28,7 +32,7 @@ class Lobe:
     Attributes
     ----------
     name : str
-        "diffuse", "mirror", or "glossy" with its roughness.
+        "diffuse", "mirror", or "glossy" with its roughness; with a number behind it where one comes again.
     alpha : float
         Roughness α = r² of the microfacet lobe that it resembles; `LAMBERT` for a matte one, `MIRROR` for a delta.
     albedo : ndarray, shape (NODES, 3)
@@ -64,23 +68,35 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
     bsdf : mi.BSDF
         Any isotropic BSDF.
     proxies : sequence of ProxyLobe
-        Stand-ins, one a lobe.
+        Stand-ins, one a lobe, those of one component together counted as what that component is made of.
+
+    Attributes
+    ----------
+    names : list of str
+        Names of all lobes, each once.
     """
 
     def __init__(self, bsdf: mi.BSDF, proxies: Sequence[ProxyLobe]) -> None:
-        self._proxies = list(proxies)
+        self._bsdf, self._proxies = bsdf, list(proxies)
         self._terms = [_device_terms(proxy) for proxy in self._proxies]
-        tables = albedo_tables(bsdf, self) if self._proxies else []
-        self.lobes = [
-            Lobe(_name(proxy), proxy.alpha, table, proxy) for proxy, table in zip(self._proxies, tables, strict=True)
-        ]
-        if mi.has_flag(bsdf.flags(), mi.BSDFFlags.DeltaReflection):
-            self.lobes.append(Lobe("mirror", MIRROR, mirror_albedo(bsdf)))
+        self._members: dict[int | None, list[int]] = {}
+        for index, proxy in enumerate(self._proxies):
+            self._members.setdefault(proxy.component, []).append(index)
+        self._has_mirror = mi.has_flag(bsdf.flags(), mi.BSDFFlags.DeltaReflection)
+        self.names = _distinct([*(_name(proxy) for proxy in self._proxies), *(["mirror"] if self._has_mirror else [])])
 
     @classmethod
     def of(cls, bsdf: mi.BSDF) -> LobeSplit:
         """Fit the stand-ins to the BSDF; see `rsibr.effects.fit`."""
         return cls(bsdf, fit_lobes(bsdf) if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) else [])
+
+    @cached_property
+    def lobes(self) -> list[Lobe]:
+        """The lobes with their albedos, which take a second or two."""
+        tables = albedo_tables(self._bsdf, self) if self._proxies else []
+        smooth = zip(self.names, self._proxies, tables, strict=False)
+        lobes = [Lobe(name, proxy.alpha, table, proxy) for name, proxy, table in smooth]
+        return [*lobes, Lobe(self.names[-1], MIRROR, mirror_albedo(self._bsdf))] if self._has_mirror else lobes
 
     def split(
         self, radiance: mi.Color3f, wi: mi.Vector3f, wo: mi.Vector3f, is_delta: mi.Bool | bool
@@ -103,11 +119,10 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
         """
         if not self._proxies:
             return [radiance]
-        has_mirror = len(self.lobes) > len(self._proxies)
-        smooth = dr.select(is_delta, 0, radiance) if has_mirror else radiance
+        smooth = dr.select(is_delta, 0, radiance) if self._has_mirror else radiance
         # What carries no light may have no meaningful direction either; a NaN is no zero, and stays
         parts = [dr.select(smooth == 0, 0, smooth * share) for share in self.shares(wi, wo)]
-        return [*parts, dr.select(is_delta, radiance, 0)] if has_mirror else parts
+        return [*parts, dr.select(is_delta, radiance, 0)] if self._has_mirror else parts
 
     def shares(self, wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
         """Share ω_k of each lobe.
@@ -120,18 +135,31 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
         Returns
         -------
         list of mi.Color3f
-            Non-negative, sum 1 in each channel. Where no stand-in has anything, the widest lobe takes all.
+            Non-negative, sum 1 in each channel. Where nothing is reflected, the first component takes all; where no
+            stand-in of a component has anything, the first of them.
         """
-        values = [_value(terms, wi, wo) for terms in self._terms]
+        components = [component for component in self._members if component is not None]
+        whole = component_shares(self._bsdf, components, wi, wo) if len(components) > 1 else [mi.Color3f(1)]
+        found = [mi.Color3f(0)] * len(self._proxies)
+        for share, members in zip(whole, self._members.values(), strict=True):
+            for member, part in zip(members, self._parts(members, wi, wo), strict=True):
+                found[member] = share * part
+        return found
+
+    def _parts(self, members: list[int], wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
+        """Shares of a component's stand-ins among themselves: the first takes what the others leave."""
+        if len(members) == 1:
+            return [mi.Color3f(1)]
+        values = [_value(self._terms[member], wi, wo) for member in members]
         total = mi.Color3f(0)
         for value in values:
             total += value
         scale = dr.select(total > _TINY, dr.rcp(dr.maximum(total, _TINY)), 0)
-        narrow = [value * scale for value in values[1:]]
+        others = [value * scale for value in values[1:]]
         rest = mi.Color3f(1)
-        for share in narrow:
+        for share in others:
             rest -= share
-        return [dr.maximum(rest, 0), *narrow]
+        return [dr.maximum(rest, 0), *others]
 
 
 _Term = tuple[float, "mi.Float", dict[int, "mi.Color3f"]]
@@ -158,3 +186,9 @@ def _value(terms: list[_Term], wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Color3f:
 
 def _name(proxy: ProxyLobe) -> str:
     return "diffuse" if proxy.is_matte else f"glossy-{proxy.alpha:.3g}"
+
+
+def _distinct(names: list[str]) -> list[str]:
+    """Number the names that come again: a layer of a map is known by its name."""
+    counts = [names[: place + 1].count(name) for place, name in enumerate(names)]
+    return [name if count == 1 else f"{name}-{count}" for name, count in zip(names, counts, strict=True)]

@@ -148,6 +148,11 @@ class Plan:
         raise KeyError(name)
 
     @property
+    def needs_views(self) -> bool:
+        """Whether some lobe needs maps from several views, having no closed form that is good enough."""
+        return any(lobe.maps_needed for lobe in self.lobes)
+
+    @property
     def missed(self) -> tuple[Effect, ...]:
         """Effects that matter here and are left out."""
         return tuple(effect for effect in self.effects if effect.missed)

@@ -17,7 +17,7 @@ class Costs:
     Attributes
     ----------
     views, lobes : int
-        Maps of the bake, and layers of each.
+        Maps all around, as the config asks for; and layers of each.
     seconds : float
         Of a map as planned.
     bytes : int
@@ -53,17 +53,25 @@ def priced(plan: Plan, costs: Costs, asked_resolution: int) -> Plan:
         Texels a side that the config asked for.
     """
     effects = tuple(_priced(effect, plan, costs, asked_resolution) for effect in plan.effects)
-    seconds, size = costs.views * costs.seconds, costs.views * costs.bytes
-    return replace(plan, effects=effects, seconds=seconds, bytes=size, costs_from=costs.source)
+    views = _baked(plan, costs)
+    return replace(
+        plan, effects=effects, seconds=views * costs.seconds, bytes=views * costs.bytes, costs_from=costs.source
+    )
+
+
+def _baked(plan: Plan, costs: Costs) -> int:
+    """Maps that are baked: one where no lobe needs views."""
+    return costs.views if plan.needs_views else 1
 
 
 def _priced(effect: Effect, plan: Plan, costs: Costs, asked: int) -> Effect:
     seconds: float | None
     size: int | None
-    whole = costs.views * costs.seconds, costs.views * costs.bytes
+    views = _baked(plan, costs)
+    whole = views * costs.seconds, views * costs.bytes
     match effect.name:
         case "view_dependence":
-            seconds, size = whole
+            seconds, size = (costs.views - 1) * costs.seconds, (costs.views - 1) * costs.bytes
         case "diffuse" | "glossy" | "clear_coat" | "mirror":
             if not effect.on and effect.forced is None:
                 return effect  # it is not there: nothing to save

@@ -28,8 +28,15 @@ def interaction(wo: mi.Vector3f) -> mi.SurfaceInteraction3f:
     return si
 
 
+def only(component: int) -> mi.BSDFContext:
+    """Context in which a BSDF answers for one component alone."""
+    context = mi.BSDFContext()
+    context.component = component
+    return context
+
+
 def reflected(
-    bsdf: mi.BSDF, wi: NDArray[np.float64], wo: NDArray[np.float64], flags: mi.BSDFFlags | None = None
+    bsdf: mi.BSDF, wi: NDArray[np.float64], wo: NDArray[np.float64], component: int | None = None
 ) -> NDArray[np.float64]:
     """BRDF times cosine.
 
@@ -39,17 +46,15 @@ def reflected(
         Any BSDF.
     wi, wo : ndarray, shape (n, 3)
         Unit directions to the light and to the viewer in the surface's frame.
-    flags : mi.BSDFFlags, optional
-        Only the components of this kind; by default all.
+    component : int, optional
+        Only this component; by default all.
 
     Returns
     -------
     ndarray, shape (n, 3)
         f(wi, wo) cos θ_i [sr⁻¹], Rec.709; delta components do not count.
     """
-    context = mi.BSDFContext()
-    if flags is not None:
-        context.type_mask = int(flags)
+    context = mi.BSDFContext() if component is None else only(component)
     value = bsdf.eval(context, interaction(mi.Vector3f(wo.T.astype(np.float32))), mi.Vector3f(wi.T.astype(np.float32)))
     found = np.array(value, dtype=np.float64).reshape(3, -1).T
     return np.broadcast_to(found, (len(wi), 3))  # a BSDF may answer for all lanes at once

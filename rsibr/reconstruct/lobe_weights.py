@@ -44,7 +44,9 @@ def albedo_at_nodes(albedo: Array) -> Array:
     return np.stack([np.interp(place, np.sqrt(node_cosines()), channel) for channel in albedo.T], axis=1)
 
 
-def lobe_weights(lobes: Sequence[tuple[LobeKernel, Array]], resolution: int) -> LobeWeights:
+def lobe_weights(
+    lobes: Sequence[tuple[LobeKernel, Array]], resolution: int, part: LobeKernel | None = None
+) -> LobeWeights:
     """Weights of glossy lobes.
 
     Parameters
@@ -53,6 +55,8 @@ def lobe_weights(lobes: Sequence[tuple[LobeKernel, Array]], resolution: int) -> 
         Each lobe's kernel and directional albedo: at each angle its Gaussians' weights add up to that.
     resolution : int
         Texels a side of the first level.
+    part : LobeKernel, optional
+        The one of `lobes` whose share of the weights is wanted, at the places that all have in common.
 
     Returns
     -------
@@ -63,15 +67,16 @@ def lobe_weights(lobes: Sequence[tuple[LobeKernel, Array]], resolution: int) -> 
     angle = np.arccos(cosines())
     spacing = texel_angle(resolution, angle)
     weights = np.zeros((LEVELS + 1, NODES, 3))
-    leans, variances = np.zeros((LEVELS + 1, NODES)), np.zeros(NODES)
+    energy, leans, variances = np.zeros((LEVELS + 1, NODES)), np.zeros((LEVELS + 1, NODES)), np.zeros(NODES)
     for kernel, albedo in lobes:
         for moments, weight in _normalized(facet_moments(kernel), albedo_at_nodes(albedo)):
             shares = _shares((moments.width / spacing) ** 2)
-            weights += shares[..., None] * weight
-            energy = shares * weight.sum(axis=1)
-            leans += energy * moments.lean
-            variances += energy[-1] * moments.width**2
-    energy = np.maximum(weights.sum(axis=-1), 1e-30)
+            weights += shares[..., None] * (weight if part in (None, kernel) else 0)
+            carried = shares * weight.sum(axis=1)
+            energy += carried
+            leans += carried * moments.lean
+            variances += carried[-1] * moments.width**2
+    energy = np.maximum(energy, 1e-30)
     factors = _radius_factors(angle, leans / energy)
     levels = np.concatenate([weights, factors[..., None]], axis=-1)[:LEVELS]
     sharp = np.concatenate([weights[-1], np.sqrt(variances / energy[-1])[:, None]], axis=-1)

@@ -36,25 +36,28 @@ class ModelledMethod(Method):
         Directional albedo of the whole material; it also keeps its place where `sources` holds residuals over it.
     uses_maps : bool
         Whether the residuals take part; without them the method is the model alone.
+    is_part : bool
+        Whether it is a part of a sum, and keeps what it has below zero: only so do the parts add up.
     """
 
     albedo: LobeAlbedo = field(kw_only=True)
     uses_maps: bool = True
+    is_part: bool = False
 
     def image(self, columns: mi.Float, resolution: int) -> mi.Float:
         """The texels of a map: see `Method.image`."""
         frame = frame_from(columns)
-        mixture, warps = self._toward(frame)
+        toward = self._toward(frame) if self.uses_maps else None
         gathered = self._gathered(frame, resolution)
-        dr.eval(frame, mixture, warps, gathered)
+        dr.eval(frame, toward, gathered)
         texel = tiled_texels(resolution)
         p = texel_centre(texel, resolution)
 
         def shaded(n: mi.Vector3f) -> mi.Vector4f:
             radiance = self._modelled(n, frame, gathered, resolution)
-            if self.uses_maps:
-                radiance += self.albedo.at(n.z) * carried(self.sources, mixture, warps, n)
-            return as_rgba(dr.maximum(radiance, 0))
+            if toward is not None:
+                radiance += self.albedo.at(n.z) * carried(self.sources, *toward, n)
+            return as_rgba(self._finished(radiance))
 
         inside = touches_disk(p, resolution)
         radiance = dr.if_stmt((normal_from_disk(p),), inside, shaded, lambda _: mi.Vector4f(0))
@@ -86,6 +89,9 @@ class ModelledMethod(Method):
         model, share = (np.array(colour).T.reshape(radiance.shape) for colour in (modelled, albedo))
         return np.asarray((radiance - model) / share, dtype=np.float32)
 
+    def _finished(self, radiance: mi.Color3f) -> mi.Color3f:
+        return radiance if self.is_part else dr.maximum(radiance, 0)
+
     def _gathered(self, frame: mi.Matrix3f, resolution: int) -> Any:
         """What the model of a whole map can know before its texels; arrays, to be evaluated."""
         raise NotImplementedError
@@ -110,14 +116,13 @@ class FineMethod(ModelledMethod):
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` off surfaces with normal `n`: see `Method.eval`."""
         frame = frame_of(v)
-        mixture, warps = self._toward(frame)
         local = frame.T @ n
         radiance = mi.Color3f(0)
         for model, albedo in self.lobes:
             radiance += albedo.at(local.z) * model.radiance(n, v)
         if self.uses_maps:
-            radiance += self.albedo.at(local.z) * carried(self.sources, mixture, warps, local)
-        return dr.maximum(radiance, 0)
+            radiance += self.albedo.at(local.z) * carried(self.sources, *self._toward(frame), local)
+        return self._finished(radiance)
 
     def _gathered(self, frame: mi.Matrix3f, resolution: int) -> list[PolarGrid | None]:  # noqa: ARG002
         return [model.grid(frame) if model.has_grid else None for model, _ in self.lobes]

@@ -280,7 +280,7 @@ def load_config(path: Path, overrides: Sequence[str] = ()) -> Config:
         at once. Files that the config names are looked for only when they are loaded.
     """
     path = Path(path)
-    return parse_config(_read_toml(path), path.resolve().parent, overrides, where=str(path))
+    return parse_config(read_toml(path), path.resolve().parent, overrides, where=str(path))
 
 
 def parse_config(
@@ -309,7 +309,8 @@ def parse_config(
         raise InputError("; ".join(problems), where=where) from None
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read the tables of a TOML file; an InputError says in one line why it cannot be read."""
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:

@@ -3,38 +3,18 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from rsibr.effects.plan import Plan
-from rsibr.validate.estimate import Estimate
+from rsibr.validate.estimate_document import EstimateModel, Interval, Positive, Share, StrictModel
 from rsibr.validate.health_document import HealthModel
+from rsibr.validate.lobe_document import LobesModel, ViewLobesModel
 from rsibr.validate.results import MethodResult, MethodSummary, Validation, ViewResult
 
-Share = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(ge=0)]
-Interval = tuple[float, float]
 
-
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class EstimateModel(_Model):
-    """A debiased relMSE with its confidence interval of 95 %, from the noise of the reference."""
-
-    value: float
-    ci95: Interval
-    below_noise_floor: bool = Field(description="the interval holds 0: the reference cannot tell this error from none")
-
-    @classmethod
-    def of(cls, estimate: Estimate) -> EstimateModel:
-        """Take over an estimate."""
-        return cls(value=estimate.value, ci95=estimate.ci95, below_noise_floor=estimate.below_noise_floor)
-
-
-class WorstTexelModel(_Model):
+class WorstTexelModel(StrictModel):
     """The texel with the largest relative squared error, its centre in sphere-map coordinates."""
 
     s: Share = Field(description="to the right")
@@ -42,7 +22,7 @@ class WorstTexelModel(_Model):
     error: Positive
 
 
-class MethodModel(_Model):
+class MethodModel(StrictModel):
     """One method at one view."""
 
     rel_mse: EstimateModel
@@ -71,7 +51,7 @@ class MethodModel(_Model):
         )
 
 
-class ViewModel(_Model):
+class ViewModel(StrictModel):
     """All methods at one view."""
 
     view: tuple[float, float, float] = Field(description="unit vector from the surface to the viewer, +Y up")
@@ -79,6 +59,7 @@ class ViewModel(_Model):
     noise_floor: Positive = Field(description="relMSE of the reference's own noise; taken out of rel_mse")
     reference_seconds: Positive
     methods: dict[str, MethodModel]
+    lobes: ViewLobesModel | None = Field(description="lobe by lobe; null where nobody looked")
 
     @classmethod
     def of(cls, view: ViewResult) -> ViewModel:
@@ -89,10 +70,11 @@ class ViewModel(_Model):
             noise_floor=view.noise_floor,
             reference_seconds=view.reference.seconds,
             methods={name: MethodModel.of(result) for name, result in view.methods.items()},
+            lobes=None if view.lobes is None else ViewLobesModel.of(view.lobes),
         )
 
 
-class SummaryModel(_Model):
+class SummaryModel(StrictModel):
     """One method over all views: means, with the range over the views beside them."""
 
     rel_mse: EstimateModel
@@ -117,7 +99,7 @@ class SummaryModel(_Model):
         return cls(**values, bytes=size)
 
 
-class BakeModel(_Model):
+class BakeModel(StrictModel):
     """What was baked and what it cost."""
 
     name: str
@@ -131,7 +113,7 @@ class BakeModel(_Model):
     details: dict[str, str | int | float]
 
 
-class FlipModel(_Model):
+class FlipModel(StrictModel):
     """Exposures [stops] at which HDR-FLIP looked, the same for all views and methods."""
 
     start: float
@@ -139,7 +121,7 @@ class FlipModel(_Model):
     count: int
 
 
-class ReferenceModel(_Model):
+class ReferenceModel(StrictModel):
     """The path-traced truth of all views."""
 
     samples: int = Field(description="samples a texel, all buffers together")
@@ -151,7 +133,7 @@ class ReferenceModel(_Model):
     flip_exposures: FlipModel
 
 
-class MetricsDocument(_Model):
+class MetricsDocument(StrictModel):
     """`metrics.json`: how far each method's maps are from path-traced truth, and what they cost. Times in seconds."""
 
     schema_version: Literal[1] = Field(alias="schema")
@@ -159,6 +141,7 @@ class MetricsDocument(_Model):
     reference: ReferenceModel
     views: list[ViewModel]
     summary: dict[str, SummaryModel]
+    lobes: LobesModel | None = Field(description="the lobes over all views; null where nobody looked")
     health: HealthModel | None = Field(description="numerical health of the bake; null where nobody looked")
     plan: Plan | None = Field(description="effects that the bake simulated or left out; null in bakes without a plan")
 
@@ -194,6 +177,7 @@ def metrics_document(validation: Validation) -> MetricsDocument:
         ),
         views=[ViewModel.of(view) for view in validation.views],
         summary={name: SummaryModel.of(s, validation.bake.bytes) for name, s in validation.summary.items()},
+        lobes=LobesModel.of(validation.lobes) if validation.lobes else None,
         health=None if validation.health is None else HealthModel.of(validation.health),
         plan=validation.plan,
     )

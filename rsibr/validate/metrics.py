@@ -122,7 +122,7 @@ def compare(
     buffers = reference.buffers[:, judged].astype(np.float64)
     b = buffers.mean(axis=0)
 
-    squared = (a - b) ** 2 / _denominator(b)
+    squared = (a - b) ** 2 / denominator(b)
     all_channels, channels, zones = _relative_mse(a, buffers, judged)
     perceived = _masked(flip_map(_only(reference.mean, judged), _only(candidate, judged), exposures), judged)
     return MapError(
@@ -155,7 +155,7 @@ def relative_noise_map(reference: Reference) -> NDArray[np.float32]:
 
 def _relative_noise(reference: Reference) -> Array:
     moments = _Moments.of(reference.buffers[:, reference.coverage >= COVERED].astype(np.float64))
-    return np.asarray(moments.variance / _denominator(moments.mean))
+    return np.asarray(moments.variance / denominator(moments.mean))
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,12 +205,19 @@ def _debiased(a: Array, moments: _Moments) -> Array:
     E[(a − R̄)²] = (a − R)² + σ²/K, and s² is an unbiased estimate of σ² that the same buffers give. What bias the noise
     of the denominator leaves (a few per cent of the value at 3 % noise) the jackknife takes out.
     """
-    return np.asarray(((a - moments.mean) ** 2 - moments.variance) / _denominator(moments.mean))
+    return np.asarray(((a - moments.mean) ** 2 - moments.variance) / denominator(moments.mean))
 
 
-def _denominator(b: Array) -> Array:
-    """b² + ε, with ε = (0.1·mean b)² a channel.
+def denominator(b: Array) -> Array:
+    """b² + ε, with ε = (0.1·mean b)² a channel: what a squared error is relative to.
 
+    Parameters
+    ----------
+    b : ndarray, shape (T, 3)
+        Radiance of the reference in the judged texels.
+
+    Notes
+    -----
     A channel darker than 1e-4 of the mean of all three takes that as its mean, lest rounding in a channel that is all
     but black outweighs what can be seen. The least float32 keeps an all-black reference finite.
     """

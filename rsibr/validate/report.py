@@ -6,10 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rsibr.bake.atomic import unwritable, write_atomic
 from rsibr.validate import pictures
 from rsibr.validate.document import metrics_document
 from rsibr.validate.health_report import write_health_pictures
+from rsibr.validate.lobes import ViewLobes
 from rsibr.validate.metrics import relative_noise_map
 from rsibr.validate.page import render
 from rsibr.validate.pictures import FLIP, RELATIVE_ERROR, Rgba
@@ -21,14 +25,24 @@ PICTURES_NAME = "pictures"
 
 
 @dataclass(frozen=True, eq=False)
+class _LobePictures:
+    """Pictures of one lobe at one view."""
+
+    reference: Rgba
+    image: Rgba
+    error: Rgba
+
+
+@dataclass(frozen=True, eq=False)
 class _ViewPictures:
-    """Pictures of one view: of each method by name, and of the reference."""
+    """Pictures of one view: of each method by name, of the reference, and of each lobe by name."""
 
     reference: Rgba
     noise: Rgba
     images: dict[str, Rgba]
     errors: dict[str, Rgba]
     flips: dict[str, Rgba]
+    lobes: dict[str, _LobePictures]
 
     def named(self, number: int) -> Iterator[tuple[str, Rgba]]:
         """File names and pictures."""
@@ -37,6 +51,9 @@ class _ViewPictures:
         for kind, by_method in (("", self.images), ("_error", self.errors), ("_flip", self.flips)):
             for method, picture in by_method.items():
                 yield f"view_{number:02d}_{method}{kind}.png", picture
+        for lobe, drawn in self.lobes.items():
+            for kind, picture in vars(drawn).items():
+                yield f"view_{number:02d}_lobe_{lobe}_{kind}.png", picture
 
 
 def write_report(validation: Validation, directory: Path) -> Path:
@@ -88,7 +105,18 @@ def _draw(validation: Validation) -> list[_ViewPictures]:
             images={name: pictures.tone_mapped(result.image, coverage, exposure) for name, result in methods},
             errors={n: pictures.false_colour(result.error.relative_error, RELATIVE_ERROR) for n, result in methods},
             flips={name: pictures.false_colour(result.error.flip_map, FLIP) for name, result in methods},
+            lobes={} if view.lobes is None else lobes(view.lobes, coverage),
         )
+
+    def lobes(found: ViewLobes, coverage: NDArray[np.float32]) -> dict[str, _LobePictures]:
+        return {
+            name: _LobePictures(
+                reference=pictures.tone_mapped(lobe.reference, coverage, exposure),
+                image=pictures.tone_mapped(lobe.image, coverage, exposure),
+                error=pictures.false_colour(lobe.relative_error, RELATIVE_ERROR),
+            )
+            for name, lobe in found.errors.items()
+        }
 
     return [drawn(view) for view in validation.views]
 

@@ -18,6 +18,7 @@ from rsibr.effects.plan import Plan
 from rsibr.validate.estimate import Estimate, mean_estimate
 from rsibr.validate.flip import Exposures
 from rsibr.validate.health import Health
+from rsibr.validate.lobes import LobeSummary, ViewLobes, summarise
 from rsibr.validate.metrics import MapError, noise_floor
 from rsibr.validate.reference import Reference
 
@@ -83,12 +84,15 @@ class ViewResult:
         In the order in which to show them.
     label : str
         Why this view: `"triangle centroid"`, `"random"`, …; may be empty.
+    lobes : ViewLobes or None
+        The same lobe by lobe; None where nobody looked.
     """
 
     frame: NDArray[np.float64]
     reference: Reference
     methods: dict[str, MethodResult]
     label: str = ""
+    lobes: ViewLobes | None = None
 
     @property
     def view(self) -> tuple[float, float, float]:
@@ -176,6 +180,16 @@ class Validation:
     def summary(self) -> dict[str, MethodSummary]:
         """Each method over all views."""
         return {name: self._summarise(name) for name in self.methods}
+
+    @property
+    def lobes(self) -> list[ViewLobes]:
+        """The lobes at each view; none where nobody looked."""
+        return [view.lobes for view in self.views if view.lobes is not None]
+
+    @cached_property
+    def lobe_summary(self) -> dict[str, LobeSummary]:
+        """Each lobe over all views; none where nobody looked."""
+        return summarise(self.lobes) if self.lobes else {}
 
     def _summarise(self, name: str) -> MethodSummary:
         results = [view.methods[name] for view in self.views]

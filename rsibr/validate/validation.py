@@ -23,6 +23,7 @@ from rsibr.scene.material import Material, load_material
 from rsibr.validate.flip import exposures_for
 from rsibr.validate.health import Health, assess
 from rsibr.validate.health_report import write_health
+from rsibr.validate.lobes import LobeJudge, has_lobes
 from rsibr.validate.metrics import compare
 from rsibr.validate.reference import MINIMUM_BUFFERS, ReferenceRenderer
 from rsibr.validate.report import write_report
@@ -30,6 +31,9 @@ from rsibr.validate.results import BakeSummary, MethodResult, Validation, ViewRe
 
 DEFAULT_VIEWS = 8
 DEFAULT_SAMPLES = 1024
+LOBE_SAMPLES = 4
+"""Samples of a path-traced reference to one of a lobe-resolved one, which is the less noisy for as many."""
+
 TIMED_RUNS = 5
 """Runs of each reconstruction after the first, which compiles; their median is its time."""
 
@@ -44,6 +48,7 @@ def validate(
     methods: Sequence[str] | None = None,
     samples: int = DEFAULT_SAMPLES,
     buffers: int = MINIMUM_BUFFERS,
+    lobes: bool | None = None,
     out: Path | str | None = None,
     on_progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Validation:
@@ -62,6 +67,9 @@ def validate(
         Samples a texel of each reference, all buffers together.
     buffers : int
         Independent buffers a reference, at least 8.
+    lobes : bool, optional
+        Whether to judge `rsibr` lobe by lobe as well, see `rsibr.validate.lobes`; by default where it is among the
+        methods and the bake has more than one.
     out : path, optional
         Directory for `report.html`, `metrics.json` and the pictures.
     on_progress : callable
@@ -75,7 +83,7 @@ def validate(
     Raises
     ------
     InputError
-        If a view or a method is wrong, or an input file is gone.
+        If a view or a method is wrong, an input file is gone, or lobes are wanted of a bake that has but one.
     BakeError
         If the bake cannot be read, or its inputs have changed since.
     CheckFailed
@@ -88,10 +96,13 @@ def validate(
     if not names:
         raise InputError("no method given", where="--method", fix=f"there are: {', '.join(METHODS)}")
     chosen = _chosen_views(opened, views)
+    by_lobe = has_lobes(opened, names, lobes)
     health = _trusted_health(opened, [view for _, view in chosen], out)
     environment, material = _scene_of(opened)
     renderer = ReferenceRenderer(environment, material, opened.resolution)
     method_set = MethodSet(opened)
+    of_lobes = max(samples // LOBE_SAMPLES, buffers)
+    judge = LobeJudge(opened, environment, material, method_set, of_lobes, buffers) if by_lobe else None
     exposures = exposures_for(_mean_radiance(opened))
     results = []
     for done, (label, view) in enumerate(chosen):
@@ -103,7 +114,7 @@ def validate(
             made = timed(method_set[name], frame, opened.resolution)
             error = compare(made.image, reference, exposures, name=f"{name} at view {done}")
             found[name] = MethodResult(made.image, error, made.seconds)
-        results.append(ViewResult(frame, reference, found, label))
+        results.append(ViewResult(frame, reference, found, label, judge.at(frame) if judge else None))
     on_progress(len(chosen), len(chosen))
     validation = Validation(_summary(opened), results, exposures, health, opened.manifest.plan)
     if out is not None:

@@ -237,3 +237,7 @@ def test_a_bug_of_ours_is_no_users_mistake(shell, config, tmp_path, monkeypatch)
     monkeypatch.setattr("rsibr.bake.baker.bake", broken)
     with pytest.raises(ZeroDivisionError):
         shell("bake", config, "--out", tmp_path / "x")
+
+
+def test_lobes_that_are_not_there(shell, baked, tmp_path):
+    shell.refuses("validate", baked, "--out", tmp_path / "x", "--lobes", "--json", says="--lobes")

@@ -18,7 +18,7 @@ from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
 from tests.arrays import to_numpy, unit_vectors, vector
 
-GLOSSY = ["clearcoat-red", "glossy-plastic", "rough-aluminium"]
+GLOSSY = ["clearcoat-red", "glossy-plastic", "rough-aluminium", "pearl-white"]
 
 
 def preset(name):

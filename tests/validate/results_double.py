@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rsibr.geometry.frame import view_frame
+from rsibr.validate.estimate import Estimate
 from rsibr.validate.flip import exposures_for
+from rsibr.validate.lobes import LobeError, ViewLobes
 from rsibr.validate.metrics import compare
 from rsibr.validate.results import BakeSummary, MethodResult, Validation, ViewResult
 from tests.validate.doubles import noisy_reference, smooth_map
@@ -26,3 +30,17 @@ def small_validation(bake_seconds: float = 10.0, factors: dict[str, float] | Non
         views.append(ViewResult(view_frame(view), reference, methods, "random" if index else "triangle centroid"))
     bake = BakeSummary("paint.rsibr", "red <paint>", "city", 12, 32, 256, bake_seconds, 123456, {"Device": "llvm"})
     return Validation(bake, views, exposures)
+
+
+def with_lobes(validation: Validation) -> Validation:
+    """The same, with two lobes: `coat` is the worse at the first view, `diffuse` at the second."""
+    views = []
+    for index, view in enumerate(validation.views):
+        half = 0.5 * view.reference.mean
+        errors = {}
+        for name, worse_at in (("diffuse", 1), ("coat", 0)):
+            value = 2e-3 if index == worse_at else 1e-3
+            flat = np.full(half.shape[:2], np.sqrt(value), np.float32)
+            errors[name] = LobeError(half, half, Estimate(value, 1e-5, 7.0), 0.5, flat)
+        views.append(replace(view, lobes=ViewLobes(errors, 64, 8, 1.5)))
+    return replace(validation, views=views)

@@ -17,7 +17,7 @@ from rsibr.validate.document import MetricsDocument, metrics_document, metrics_s
 from rsibr.validate.page import duration, number, size
 from rsibr.validate.report import write_report
 from rsibr.validate.results import Validation
-from tests.validate.results_double import small_validation
+from tests.validate.results_double import small_validation, with_lobes
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 
@@ -151,6 +151,37 @@ def test_the_page_shows_the_plan_and_names_what_was_left_out(validation, tmp_pat
     metrics = json.loads((tmp_path / "metrics.json").read_text())
     assert metrics["plan"]["effects"][0]["name"] == "diffuse"
     assert MetricsDocument.model_validate(metrics).plan == plan
+
+
+def test_the_page_names_the_worst_lobe_of_each_view(validation, tmp_path):
+    parsed = Page()
+    parsed.feed(write_report(with_lobes(validation), tmp_path).read_text(encoding="utf-8"))
+    first, second = parsed.text.split("View 2")
+    assert "Of the lobes of rsibr, coat makes the largest error here" in first
+    assert "Of the lobes of rsibr, diffuse makes the largest error here" in second
+    assert "No path tracer can say" in first
+    assert parsed.tags.count("img") == 2 * (2 + 3 * 3) + 2 * 2 * 3  # of each lobe its reference, our part, the error
+    assert parsed.open == []
+    names = {path.name for path in (tmp_path / "pictures").iterdir()}
+    assert {f"view_02_lobe_coat_{kind}.png" for kind in ("reference", "image", "error")} <= names
+
+
+def test_the_metrics_hold_the_lobes(validation):
+    metrics = json.loads(metrics_document(with_lobes(validation)).to_json())
+    assert [view["lobes"]["worst"] for view in metrics["views"]] == ["coat", "diffuse"]
+    assert metrics["views"][0]["lobes"]["errors"]["coat"]["rel_mse"]["value"] == 2e-3
+    assert metrics["lobes"] | {"summary": 0} == {
+        "method": "rsibr",
+        "samples": 64,
+        "buffers": 8,
+        "seconds": 3,
+        "summary": 0,
+    }
+    summary = metrics["lobes"]["summary"]["coat"]
+    assert summary["rel_mse"]["value"] == pytest.approx(1.5e-3)
+    assert (summary["rel_mse_range"], summary["light"], summary["worst_views"]) == ([1e-3, 2e-3], 0.5, 1)
+    told = json.loads(metrics_document(validation).to_json())
+    assert (told["lobes"], told["views"][0]["lobes"]) == (None, None)
 
 
 def test_pictures_lie_beside_the_page(written):
