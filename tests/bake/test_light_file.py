@@ -158,7 +158,7 @@ def test_a_bake_that_goes_on_makes_no_second_light(config, tmp_path, monkeypatch
         killed.setattr(baker, "bake_view", dying)
         with pytest.raises(KeyboardInterrupt):
             bake(config, out=tmp_path / "b.rsibr")
-    with pytest.raises(BakeError, match="0 of 12 views"):
+    with pytest.raises(BakeError, match=r"0 of \d+ views"):
         open_bake(tmp_path / "b.rsibr")
     monkeypatch.setattr(baker, "light_map", dying)
     resumed = content(bake(config, out=tmp_path / "b.rsibr").path)
