@@ -16,15 +16,24 @@ from rsibr import backend
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.manifest import EnvironmentRecord, LobeRecord, Manifest, MaterialRecord, ProxyRecord
 from rsibr.bake.map_file import MapFile
+from rsibr.bake.planning import (
+    baked_costs,
+    planned_lobes,
+    planned_scene,
+    planned_settings,
+    planned_viewpoints,
+    scope_of,
+)
 from rsibr.bake.store import Bake, BakeWriter, open_bake
 from rsibr.effects.light import light_map
 from rsibr.effects.lobes import Lobe, LobeSplit
-from rsibr.effects.probe import is_retroreflective
+from rsibr.effects.plan import Plan
+from rsibr.effects.plan_costs import priced
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.scene.config import Config, load_config
 from rsibr.scene.environment import Environment, load_environment
-from rsibr.scene.material import Material, load_material
+from rsibr.scene.material import ANISOTROPIC, Material, load_material
 from rsibr.scene.views import load_viewpoints
 
 MAX_BLOCKS = 16
@@ -99,13 +108,17 @@ def bake(
     settings = config if isinstance(config, Config) else load_config(Path(config), overrides)
     variant = backend.use()
     environment, material = load_environment(settings.environment), load_material(settings.material)
-    viewpoints = load_viewpoints(settings.views)
-    split = None if settings.effects.lobes == "off" else LobeSplit.of(material.bsdf())
-    manifest = plan_manifest(settings, environment, material, split, viewpoints, variant)
+    plan, probed = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples)[0])
+    asked, settings = settings.map.resolution, planned_settings(settings, plan)
+    all_around = load_viewpoints(settings.views)
+    viewpoints = planned_viewpoints(all_around, settings, plan)
+    split = None if settings.effects.lobes == "off" else probed
+    manifest = plan_manifest(settings, environment, material, split, viewpoints, variant, plan)
     with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer:
         if not writer.has_light:
             writer.commit_light(light_map(environment.emitter(), environment.width))
-        _bake_views(writer, settings, environment, material, split, viewpoints.directions, on_progress)
+        _bake_views(writer, settings, environment, material, split, viewpoints.directions, plan, on_progress)
+        writer.record_plan(priced(plan, baked_costs(writer.manifest, len(all_around)), asked))
     return open_bake(Path(out))
 
 
@@ -116,6 +129,7 @@ def plan_manifest(
     split: LobeSplit | None,
     viewpoints: Viewpoints,
     variant: str,
+    plan: Plan,
 ) -> Manifest:
     """Manifest of the bake before its first view: everything that fixes its bits."""
     packages = {name: version(name) for name in ("mitsuba", "drjit", "numpy", "OpenEXR")} | {"rsibr": rsibr.__version__}
@@ -128,15 +142,17 @@ def plan_manifest(
             "material": {"name": material.name, "content": material.digest},
             "packages": {name: packages[name] for name in ("mitsuba", "drjit", "rsibr")},
             "variant": variant,
+            "plan": {"grey": plan.grey, "light_samples": plan.light_samples, "left_out": list(plan.left_out)},
         },
         packages=packages,
         variant=variant,
         environment=EnvironmentRecord(name=environment.name, clipped=environment.clipped, lowest=environment.lowest),
-        material=MaterialRecord(name=material.name, warp=material.warp, notes=_notes(material)),
-        lobes=tuple(_lobe_record(lobe) for lobe in (split.lobes if split else ())),
+        material=MaterialRecord(name=material.name, warp=material.warp, notes=_notes(material, plan)),
+        lobes=tuple(_lobe_record(lobe) for lobe in planned_lobes(split, plan)),
         resolution=config.map.resolution,
         directions=viewpoints.directions,
         triangles=viewpoints.triangles,
+        plan=plan,
     )
 
 
@@ -155,11 +171,11 @@ def _colours(values: NDArray[np.float64]) -> tuple[tuple[float, float, float], .
     return tuple((r, g, b) for r, g, b in values.round(6).tolist())
 
 
-def _notes(material: Material) -> tuple[str, ...]:
+def _notes(material: Material, plan: Plan) -> tuple[str, ...]:
     """What of the material the warps do not follow; the bake says so, and so does every report on it."""
-    if is_retroreflective(material.bsdf()):
-        return (*material.notes, RETROREFLECTIVE)
-    return material.notes
+    found = {"retroreflection": RETROREFLECTIVE, "anisotropy": ANISOTROPIC}
+    flagged = [note for name, note in found.items() if plan[name].missed]
+    return tuple(dict.fromkeys([*material.notes, *flagged]))  # Mitsuba may have called it anisotropic already
 
 
 def _bake_views(
@@ -169,13 +185,16 @@ def _bake_views(
     material: Material,
     split: LobeSplit | None,
     directions: NDArray[np.float64],
+    plan: Plan,
     on_progress: Callable[[Progress], None],
 ) -> None:
     pending = writer.pending
     if not pending:
         return
     sampling = config.sampling
-    integrator = SphereIntegrator(environment.emitter(), material.bsdf(), config.map.resolution, split, sampling.clamp)
+    integrator = SphereIntegrator(
+        environment.emitter(), material.bsdf(), config.map.resolution, split, sampling.clamp, scope_of(plan)
+    )
     blocks = block_sizes(sampling.samples)
     done = len(directions) - len(pending)
     for finished, index in enumerate(pending, start=done):
@@ -232,6 +251,7 @@ def bake_view(
         layers={name: integrator.image(lobes[:, k]) for k, name in enumerate(integrator.lobe_names)},
         variance=integrator.image(variance),
         coverage=integrator.coverage,
+        grey=integrator.grey,
     )
 
 

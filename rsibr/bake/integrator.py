@@ -7,6 +7,7 @@ texel, its normal, and one direction each from the light and from the BSDF, comb
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -25,6 +26,25 @@ MAX_LANES = 2**22
 """Samples in one launch: bounds the memory at about 0.3 GiB whatever the resolution and the samples."""
 
 
+@dataclass(frozen=True)
+class Scope:
+    """What an estimate takes in; by default everything.
+
+    Attributes
+    ----------
+    grey : bool
+        Estimate the red channel alone, and let it stand for all: bit for bit what it is among three.
+    light_samples : bool
+        Draw directions from the light beside those from the BSDF.
+    left_out : tuple of str
+        Names of lobes that are left out.
+    """
+
+    grey: bool = False
+    light_samples: bool = True
+    left_out: tuple[str, ...] = ()
+
+
 class SphereIntegrator:
     """Estimates the radiance of a sphere map, a block of samples at a time.
 
@@ -40,6 +60,8 @@ class SphereIntegrator:
         How the material's lobes are kept apart; by default they are not.
     clamp : float, optional
         Radiance [W sr⁻¹ m⁻²] above which a sample counts as this much: quieter, and too dark. A NaN stays one.
+    scope : Scope
+        What the estimate takes in.
 
     Attributes
     ----------
@@ -47,6 +69,8 @@ class SphereIntegrator:
         Share of each texel inside the disk; zero below `LEAST_COVERAGE`.
     lobe_names : list of str
         Lobes that a block holds, in their order; "radiance" where they are not kept apart.
+    grey : bool
+        Whether the three channels are one.
     """
 
     def __init__(
@@ -56,14 +80,19 @@ class SphereIntegrator:
         resolution: int,
         split: LobeSplit | None = None,
         clamp: float | None = None,
+        scope: Scope = Scope(),
     ) -> None:
         exact = texel_coverage(resolution)
         self.coverage = np.where(exact < LEAST_COVERAGE, 0, exact).astype(np.float32)
         self._light = mi.load_dict({"type": "scene", "light": emitter})
         self._bsdf = bsdf
         self._split = split if split and len(split.names) > 1 else None
-        self.lobe_names = self._split.names if self._split else ["radiance"]
-        self._samples_light = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+        names = self._split.names if self._split else ["radiance"]
+        self._kept = [k for k, name in enumerate(names) if name not in scope.left_out]
+        self.lobe_names = [names[k] for k in self._kept] if len(self._kept) > 1 else ["radiance"]
+        self.grey = scope.grey
+        self._channels = range(1 if scope.grey else 3)
+        self._samples_light = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) and scope.light_samples
         self._samples_bsdf = self._light.environment() is not None
         self._resolution = resolution
         self._clamp = None if clamp is None else dr.opaque(mi.Float, clamp)
@@ -90,12 +119,13 @@ class SphereIntegrator:
         dr.make_opaque(matrix)
         launches = math.ceil(samples * dr.width(self._texels) / MAX_LANES)
         each = stratified(math.ceil(samples / launches))
-        total = np.zeros((dr.width(self._texels), len(self.lobe_names), 3))
+        total = np.zeros((dr.width(self._texels), len(self.lobe_names), len(self._channels)))
         for seed in seeds.generate_state(launches):
             # One launch at a time: each conversion waits, and float64 adds any number of them without loss
             means = self._launch(matrix, each, int(seed))
             total += np.array([np.array(lobe) for lobe in means], dtype=np.float64).transpose(2, 0, 1)
-        return np.asarray(total / launches, dtype=np.float32)
+        colours = np.broadcast_to(total / launches, (*total.shape[:2], 3))
+        return np.ascontiguousarray(colours, dtype=np.float32)
 
     def image(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Lay values of the covered texels out as an image, zero elsewhere."""
@@ -103,7 +133,7 @@ class SphereIntegrator:
         image[np.flatnonzero(self.coverage)] = values
         return image.reshape(self._resolution, self._resolution, 3)
 
-    def _launch(self, matrix: mi.Matrix3f, samples: int, seed: int) -> list[mi.Color3f]:
+    def _launch(self, matrix: mi.Matrix3f, samples: int, seed: int) -> list[list[mi.Float]]:
         lanes = dr.width(self._texels) * samples
         sampler = mi.load_dict({"type": "multijitter", "sample_count": samples})
         sampler.set_samples_per_wavefront(
@@ -114,9 +144,11 @@ class SphereIntegrator:
         texel = dr.gather(mi.UInt32, self._texels, dr.arange(mi.UInt32, lanes) // samples)
         n = matrix @ normal_from_disk(self._point_in_disk(texel, sampler.next_2d(), seed_lane))
         v = mi.Vector3f(matrix[0, 2], matrix[1, 2], matrix[2, 2])
-        lobes = self._clamped(self._reflected(_interaction(n, v), sampler))
-        dr.eval(lobes)  # once for all lobes and channels, not once a sum
-        return [mi.Color3f(*(dr.block_sum(channel, samples) / samples for channel in lobe)) for lobe in lobes]
+        lobes = [
+            [lobe[c] for c in self._channels] for lobe in self._clamped(self._reflected(_interaction(n, v), sampler))
+        ]
+        dr.eval(lobes)  # once for all lobes and channels, not once a sum; what no one asks for is not computed
+        return [[dr.block_sum(channel, samples) / samples for channel in lobe] for lobe in lobes]
 
     def _point_in_disk(self, texel: mi.UInt32, jitter: mi.Point2f, seed: mi.UInt32) -> mi.Point2f:
         """A point drawn uniformly from the part of the texel inside the disk.
@@ -159,7 +191,10 @@ class SphereIntegrator:
     def _lobes(
         self, radiance: mi.Color3f, wi: mi.Vector3f, wo: mi.Vector3f, is_delta: mi.Bool | bool
     ) -> list[mi.Color3f]:
-        return [radiance] if self._split is None else self._split.split(radiance, wi, wo, is_delta)
+        if self._split is None:
+            return [radiance]
+        lobes = self._split.split(radiance, wi, wo, is_delta)
+        return [lobes[k] for k in self._kept]
 
     def _clamped(self, lobes: list[mi.Color3f]) -> list[mi.Color3f]:
         """Scale the lobes of a sample down to a sum of `clamp` where it exceeds that."""
@@ -186,7 +221,7 @@ class SphereIntegrator:
         direction.d = si.to_world(drawn.wo)
         escaped = dr.zeros(mi.SurfaceInteraction3f, dr.width(si))
         escaped.wi = -direction.d
-        pdf = environment.pdf_direction(si, direction)
+        pdf = environment.pdf_direction(si, direction) if self._samples_light else mi.Float(0)
         is_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
         share = dr.select(is_delta, 1, drawn.pdf / (drawn.pdf + pdf))
         return dr.select(~(drawn.pdf <= 0), weight * environment.eval(escaped) * share, 0), drawn.wo, is_delta

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rsibr.bake.atomic import checksum, read_bytes, write_atomic
+from rsibr.effects.plan import Plan
 from rsibr.errors import BakeError
 
 MANIFEST_NAME = "manifest.json"
@@ -195,6 +196,8 @@ class Manifest(_Record):
         Triangulation of the directions, counter-clockwise seen from outside.
     views : tuple of ViewState
         State of each view, in the order of the directions.
+    plan : Plan or None
+        Which effects are simulated, and why; None in bakes older than plans.
     """
 
     schema_version: Literal[1] = SCHEMA_VERSION
@@ -211,6 +214,7 @@ class Manifest(_Record):
     directions: tuple[Vector, ...] = Field(min_length=1)
     triangles: tuple[Triangle, ...]
     views: tuple[ViewState, ...]
+    plan: Plan | None = None
 
     @classmethod
     def planned(
@@ -226,6 +230,7 @@ class Manifest(_Record):
         resolution: int,
         directions: ArrayLike,
         triangles: ArrayLike,
+        plan: Plan | None = None,
     ) -> Manifest:
         """Manifest of a bake of which nothing is done yet.
 
@@ -233,7 +238,7 @@ class Manifest(_Record):
         ----------
         config, identity : mapping
             What JSON can hold: dicts with string keys, lists, strings, finite numbers, booleans, None.
-        packages, variant, environment, material, resolution
+        packages, variant, environment, material, resolution, plan
             See the class.
         directions : array_like, shape (V, 3)
             Unit view vectors.
@@ -262,6 +267,7 @@ class Manifest(_Record):
             directions=tuple(rows),
             triangles=tuple((int(i), int(j), int(k)) for i, j, k in np.asarray(triangles, np.int64)),
             views=tuple(ViewState(index=i, view=row, file=map_name(i)) for i, row in enumerate(rows)),
+            plan=plan,
         )
 
     @model_validator(mode="after")

@@ -1,8 +1,9 @@
 """A radiance sphere map as one multi-part OpenEXR file that explains itself to any EXR viewer.
 
-One part a lobe (R, G, B), then `variance` (R, G, B), then `coverage` (Y); float32, ZIP. Every part's header holds the
-view vector (`rsibr:view`, v3f), the frame (`rsibr:frame`, m33f, columns x, y, z in world coordinates) and a digest of
-the pixels of all parts (`rsibr:digest`): OpenEXR itself raises nothing on a truncated file.
+One part a lobe (R, G, B), then `variance` (R, G, B), then `coverage` (Y); float32, ZIP; a grey map has Y in place of
+R, G, B. Every part's header holds the view vector (`rsibr:view`, v3f), the frame (`rsibr:frame`, m33f, columns x, y, z
+in world coordinates) and a digest of the pixels of all parts (`rsibr:digest`): OpenEXR itself raises nothing on a
+truncated file.
 """
 
 from __future__ import annotations
@@ -53,6 +54,8 @@ class MapFile:
         Variance of the mean of the summed lobes; None where it is not known, as for a reconstructed map.
     coverage : ndarray of float32, shape (N, N)
         Share of each texel that lies inside the unit disk.
+    grey : bool
+        Whether a part whose channels are all the same is written as one, Y, of which a reader makes three again.
 
     Raises
     ------
@@ -65,6 +68,7 @@ class MapFile:
     layers: dict[str, Image]
     variance: Image | None
     coverage: Image
+    grey: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what the file could not hold, or what a reader would misread."""
@@ -149,8 +153,7 @@ def encode_map(map_file: MapFile) -> bytes:
     }
     # OpenEXR ignores the strides of an array: a slice would be written as other texels than it shows.
     parts = [
-        OpenEXR.Part(dict(header), {_channel(name): np.ascontiguousarray(image)}, name)
-        for name, image in map_file.parts()
+        OpenEXR.Part(dict(header), _channels(name, image, map_file.grey), name) for name, image in map_file.parts()
     ]
     stream = io.BytesIO()
     with OpenEXR.File(parts) as file:
@@ -171,7 +174,8 @@ def decode_map(data: bytes, where: str) -> MapFile:
         with contextlib.redirect_stdout(io.StringIO()), OpenEXR.File(io.BytesIO(data)) as file:
             headers = [dict(part.header) for part in file.parts]
             images = {part.name(): _pixels(part) for part in file.parts}
-        map_file = _assemble(headers, images)
+            grey = all("Y" in part.channels for part in file.parts)
+        map_file = _assemble(headers, images, grey)
         whole = _agree(headers) and headers[0][DIGEST_KEY] == _digest(map_file)
     except KeyError as error:
         raise BakeError(f"is not a whole map of rsibr: {error.args[0]} is missing", where=where) from error
@@ -182,12 +186,16 @@ def decode_map(data: bytes, where: str) -> MapFile:
     return map_file
 
 
-def _assemble(headers: list[dict[str, Any]], images: dict[str, Image]) -> MapFile:
+def _assemble(headers: list[dict[str, Any]], images: dict[str, Image], grey: bool) -> MapFile:
     if len(images) != len(headers) or not headers:
         raise ValueError("parts are missing or share a name")
     coverage, variance = images.pop(COVERAGE), images.pop(VARIANCE, None)
     view, frame = (np.array(headers[0][key], np.float64) for key in (VIEW_KEY, FRAME_KEY))
-    return MapFile(view=view, frame=frame, layers=images, variance=variance, coverage=coverage)
+    return MapFile(view=view, frame=frame, layers=images, variance=variance, coverage=coverage, grey=grey)
+
+
+def _is_grey(image: Image) -> bool:
+    return all(np.array_equal(image[..., 0], image[..., c], equal_nan=True) for c in (1, 2))
 
 
 def _agree(headers: list[dict[str, Any]]) -> bool:
@@ -197,18 +205,21 @@ def _agree(headers: list[dict[str, Any]]) -> bool:
     )
 
 
-def _channel(part: str) -> str:
-    """Name of a part's one array: OpenEXR's Python package stands "RGB" for the channels R, G and B together."""
-    return "Y" if part == COVERAGE else "RGB"
+def _channels(part: str, image: Image, grey: bool) -> dict[str, Image]:
+    """A part's one array: OpenEXR's Python package stands "RGB" for the channels R, G and B together."""
+    # The pixels decide, not the flag: a texel that was changed since loses nothing
+    stored = image[..., 0] if grey and part != COVERAGE and _is_grey(image) else image
+    return {"RGB" if stored.ndim == 3 else "Y": np.ascontiguousarray(stored)}
 
 
 def _pixels(part: Any) -> Image:
     channels = part.channels
-    name = _channel(part.name())
+    name = "RGB" if "RGB" in channels and part.name() != COVERAGE else "Y"
     if set(channels) != {name} or channels[name].pixels is None:
         raise KeyError(f"channel {name} of part {part.name()}")
     pixels: Image = channels[name].pixels
-    return pixels
+    is_colour = name == "Y" and part.name() != COVERAGE
+    return np.repeat(pixels[..., None], 3, axis=-1) if is_colour else pixels
 
 
 def _digest(map_file: MapFile) -> str:

@@ -44,6 +44,11 @@ class Bake:
         return len(self.manifest.views)
 
     @property
+    def has_views(self) -> bool:
+        """Whether there are views all around; a bake whose lobes all have closed forms holds one map alone."""
+        return len(self.manifest.triangles) > 0
+
+    @property
     def complete(self) -> bool:
         """Whether all views are done; true of every bake that `open_bake` returns."""
         return not self.manifest.pending

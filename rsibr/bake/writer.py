@@ -27,6 +27,7 @@ from rsibr.bake.manifest import (
     write_manifest,
 )
 from rsibr.bake.map_file import MapFile, write_map
+from rsibr.effects.plan import Plan
 from rsibr.errors import BakeError
 
 _MAP_PATTERN = re.compile(r"view_\d{4,}\.exr")
@@ -148,6 +149,10 @@ class BakeWriter:
         write_atomic(self.path / LIGHT_NAME, data)
         record = LightRecord(sha256=checksum(data), bytes=len(data))
         self._record(self.manifest.model_copy(update={"light": record}))
+
+    def record_plan(self, plan: Plan) -> None:
+        """Put the plan into the manifest in place of the one that the bake began with: now its costs are known."""
+        self._record(self.manifest.model_copy(update={"plan": plan}))
 
     def close(self) -> None:
         """Give the directory free for another writer."""

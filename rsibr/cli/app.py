@@ -12,7 +12,9 @@ from rsibr.cli.check import check
 from rsibr.cli.demo import demo
 from rsibr.cli.doctor import doctor
 from rsibr.cli.ending import run
+from rsibr.cli.plan import plan
 from rsibr.cli.reconstruct import reconstruct
+from rsibr.cli.study import study
 from rsibr.cli.validate import validate
 
 app = typer.Typer(
@@ -22,7 +24,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (demo, doctor, bake, check, reconstruct, validate):
+for command in (demo, doctor, plan, bake, check, reconstruct, validate, study):
     app.command()(command)
 
 

@@ -55,9 +55,11 @@ def step_progress(name: str) -> Iterator[Callable[[int, int], None]]:
 
 
 def note_peculiarities(bake: Bake) -> None:
-    """Say once how many negative values of the environment were clipped, and what of the material no map can hold."""
+    """Say once what the bake clipped, what of the material no map can hold, and what was left out by force."""
     for note in bake.manifest.material.notes:
         console.print(f"note: {bake.manifest.material.name}: {note}", markup=False)
+    for note in bake.manifest.plan.notes() if bake.manifest.plan else ():
+        console.print(f"note: {note}", markup=False)
     environment = bake.manifest.environment
     if environment.clipped:
         console.print(

@@ -15,7 +15,9 @@ def reconstruct(
     bake: BakePath,
     view: Annotated[str, typer.Option(metavar="X,Y,Z", help="Direction from the surface to the viewer.")],
     out: Annotated[Path, typer.Option(metavar="FILE.exr", help="Where to write the map.")],
-    method: Annotated[str, typer.Option(help="How: see `rsibr validate` for how good each is.")] = "cabral1999",
+    method: Annotated[
+        str | None, typer.Option(help="How: see `rsibr validate` for how good each is. By default cabral1999.")
+    ] = None,
     resolution: Annotated[int | None, typer.Option(help="Texels a side; by default the bake's.")] = None,
     json_output: Json = False,
 ) -> None:
@@ -27,7 +29,7 @@ def reconstruct(
     result = run(bake, direction, method=method, resolution=resolution)
     result.write(out)
     if json_output:
-        state = {"file": str(out), "view": result.view.tolist(), "method": method, "seconds": result.seconds}
+        state = {"file": str(out), "view": result.view.tolist(), "method": result.method, "seconds": result.seconds}
         typer.echo(json.dumps(state | {"resolution": len(result.image)}))
     else:
-        typer.echo(f"{out}: {method}, {len(result.image)}², {result.seconds * 1e3:.1f} ms (compiling included)")
+        typer.echo(f"{out}: {result.method}, {len(result.image)}², {result.seconds * 1e3:.1f} ms (compiling included)")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from rsibr.effects.probe import interaction
+from rsibr.geometry.resident import resident
 
 NODES = 65
 """Entries of a table, even in √cos θ: closest together at grazing angles, where an albedo bends most."""
@@ -52,21 +53,29 @@ def albedo_tables(bsdf: mi.BSDF, split: Sharing) -> list[NDArray[np.float64]]:
     microfacet lobes of several widths and weighted by the balance heuristic (Veach 1997, section 9.2), so that every
     width of lobe is resolved and what error is left varies smoothly with the angle.
     """
-    tables: list[NDArray[np.float64]] = []
-    u = qmc.Sobol(2, scramble=True, seed=11).random(_POINTS)
-    lanes = mi.Point2f(u.T.astype(np.float32))
-    for cosine in node_cosines():
-        c = dr.opaque(mi.Float, float(cosine))
-        wo = mi.Vector3f(dr.sqrt(1 - c * c), 0, c) + dr.zeros(mi.Vector3f, _POINTS)
-        sums = None
-        for wi in [mi.warp.square_to_cosine_hemisphere(lanes), *(_around_mirror(lanes, wo, w) for w in _WIDTHS)]:
-            value = bsdf.eval(mi.BSDFContext(), interaction(wo), wi) / _density(wi, wo)
-            value = dr.select(wi.z > 0, value, 0)
-            row = [dr.mean(channel) for share in split.shares(wi, wo) for channel in value * share]
-            sums = row if sums is None else [a + b for a, b in zip(sums, row, strict=True)]
-        dr.eval(sums)
-        tables.append(np.array([float(entry[0]) for entry in sums or []]).reshape(-1, 3))
-    return list(np.stack(tables).swapaxes(0, 1))
+    lanes = dr.arange(mi.UInt32, NODES * _POINTS)
+    cosine = dr.gather(mi.Float, resident(mi.Float, node_cosines().astype(np.float32)), lanes // _POINTS)
+    wo = mi.Vector3f(dr.sqrt(1 - cosine * cosine), 0, cosine)
+    u = dr.gather(mi.Point2f, _low_discrepancy(), lanes % _POINTS)
+    total = _shared_out(bsdf, split, wo, mi.warp.square_to_cosine_hemisphere(u))
+    for width in _WIDTHS:  # one kernel for all: their number is opaque, and a BSDF is long to compile
+        total = total + _shared_out(bsdf, split, wo, _around_mirror(u, wo, dr.opaque(mi.Float, width)))
+    return list(total)
+
+
+def _shared_out(bsdf: mi.BSDF, split: Sharing, wo: mi.Vector3f, wi: mi.Vector3f) -> NDArray[np.float64]:
+    """Part of the albedos that directions `wi` drawn in one way bring in, shape (lobes, NODES, 3)."""
+    value = bsdf.eval(mi.BSDFContext(), interaction(wo), wi) / _density(wi, wo)
+    value = dr.select(wi.z > 0, value, 0)
+    parts = [channel for share in split.shares(wi, wo) for channel in value * share]
+    dr.eval(parts)
+    sums = [np.array(dr.block_sum(channel, _POINTS), dtype=np.float64) / _POINTS for channel in parts]
+    return np.stack(sums).reshape(-1, 3, NODES).swapaxes(1, 2)
+
+
+def _low_discrepancy() -> mi.Float:
+    """The same points of the unit square at every angle: what error they leave varies smoothly with it."""
+    return resident(mi.Float, qmc.Sobol(2, scramble=True, seed=11).random(_POINTS).astype(np.float32))
 
 
 def mirror_albedo(bsdf: mi.BSDF) -> NDArray[np.float64]:
@@ -80,7 +89,7 @@ def mirror_albedo(bsdf: mi.BSDF) -> NDArray[np.float64]:
     return np.array(dr.select(is_delta, weight, 0), dtype=np.float64).reshape(3, -1).T
 
 
-def _around_mirror(u: mi.Point2f, wo: mi.Vector3f, alpha: float) -> mi.Vector3f:
+def _around_mirror(u: mi.Point2f, wo: mi.Vector3f, alpha: mi.Float) -> mi.Vector3f:
     tangent = alpha * dr.sqrt(u.x / dr.maximum(1 - u.x, 1e-7))
     cosine = dr.rsqrt(1 + tangent * tangent)
     sine, (s, c) = tangent * cosine, dr.sincos(2 * dr.pi * u.y)

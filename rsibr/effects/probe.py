@@ -60,13 +60,12 @@ def reflected(
     return np.broadcast_to(found, (len(wi), 3))  # a BSDF may answer for all lanes at once
 
 
-def is_retroreflective(bsdf: mi.BSDF) -> bool:
-    """Whether a material sends light back to where it comes from, more than its lobe and its base would.
+def retro_ratio(bsdf: mi.BSDF) -> float:
+    """BRDF straight back over that at the same angle to the side, at 60°.
 
-    At 60° the BRDF straight back is held against that at the same angle to the side: equal for a matte base, and both
-    far from the mirror direction of a glossy one.
+    Equal for a matte base, and both far from the mirror direction of a glossy one: what is more comes straight back.
     """
     sine, cosine = np.sqrt(0.75), 0.5
     wo = np.array([[sine, 0.0, cosine]] * 2)
     back, side = reflected(bsdf, np.array([[sine, 0.0, cosine], [0.0, sine, cosine]]), wo).max(axis=1)
-    return bool(back > RETRO_RATIO * side + 1e-6)
+    return float(back / (side + 1e-6))

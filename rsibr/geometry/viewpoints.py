@@ -129,6 +129,11 @@ class ViewSphere:
         return best
 
 
+def witness(viewpoints: Viewpoints) -> Viewpoints:
+    """The first of the views alone, with no triangle around anything: for what needs no views, to be held against."""
+    return Viewpoints(viewpoints.directions[:1], np.zeros((0, 3), dtype=np.int64))
+
+
 def icosphere(subdivision: int) -> Viewpoints:
     """Vertices of a subdivided icosahedron: 12, 42, 162, 642, 2562 or 10 242 views.
 

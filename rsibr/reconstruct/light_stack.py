@@ -24,7 +24,7 @@ WIDEST = 1.3
 
 _FINENESS = 2.2  # texels a standard deviation
 _LEAST_RESOLUTION = 8
-_IRRADIANCE, _BLOCKS = 48, 64  # texels a side of an irradiance map, and blocks a side of the light that it gathers
+_IRRADIANCE, _BLOCKS = 64, 128  # texels a side of an irradiance map, and blocks a side of the light that it gathers
 _REACH, _TAPS = 2.8, 9  # of a blur: standard deviations, and taps a side
 
 
@@ -86,10 +86,13 @@ class LightStack:
         """
         weights = np.where(weights.any(axis=0), weights, 1.0)  # a black channel needs some shape too
         radiance, angles, directions = _blocks(light)
-        cosines = np.maximum(np.array(texel_directions(_IRRADIANCE), dtype=np.float64).T @ directions.T, 0)
-        coated = cosines * (1 - (1 - cosines) ** 5)
-        gathered, total = ((cosines @ x) * weights[0] + (coated @ x) * weights[1] for x in (radiance, angles))
-        level = gathered / total
+        level = np.empty((_IRRADIANCE**2, 3))
+        normals = np.array(texel_directions(_IRRADIANCE), dtype=np.float64).T
+        for rows in np.array_split(np.arange(len(level)), _IRRADIANCE // 4):  # all at once would fill the memory
+            cosines = np.maximum(normals[rows] @ directions.T, 0)
+            coated = cosines * (1 - (1 - cosines) ** 5)
+            gathered, total = ((cosines @ x) * weights[0] + (coated @ x) * weights[1] for x in (radiance, angles))
+            level[rows] = gathered / total
         return cls._stacked([level.astype(np.float32).reshape(_IRRADIANCE, _IRRADIANCE, 3)], [1.0])
 
     @classmethod

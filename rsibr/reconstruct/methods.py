@@ -17,7 +17,7 @@ from rsibr.effects.fit import ProxyLobe
 from rsibr.effects.kernel import LobeKernel
 from rsibr.errors import BakeError, InputError
 from rsibr.geometry.spherical import area_weights, gnomonic_weights
-from rsibr.geometry.viewpoints import from_directions
+from rsibr.geometry.viewpoints import from_directions, icosphere
 from rsibr.reconstruct.blend import Mix, nearest_mix, triangle_mix
 from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.lobe_albedo import LobeAlbedo
@@ -66,7 +66,8 @@ class MethodSet:
         self._lobes = bake.manifest.lobes
         self._sources = self._on_device([m.radiance for m in maps])
         self._bake = bake
-        self._viewpoints = from_directions(bake.directions, bake.triangles)
+        # Where one map was enough nothing is looked up between views: any will do
+        self._viewpoints = from_directions(bake.directions, bake.triangles) if bake.has_views else icosphere(0)
         self._warp = WARPS[bake.manifest.material.warp]
         self._cost = Cost(bake.seconds, bake.bytes)
         self._made: dict[str, Method] = {}
@@ -107,21 +108,21 @@ class MethodSet:
             corrections=corrections,
         )
 
-    def fine(self, *, uses_maps: bool = True, lobe: str | None = None) -> FineMethod:
+    def fine(self, *, uses_maps: bool | None = None, lobe: str | None = None) -> FineMethod:
         """Make the method `rsibr-fine`, its model alone, or the part of one lobe; see `prefiltered`."""
         kernels = self._kernels()
         chosen = kernels.values() if lobe is None else [kernels[lobe]]
         stack, light = self._stack, self._bake.light
         lobes = [(LobeModel.of(kernel, stack, light), LobeAlbedo.of(albedo)) for kernel, albedo in chosen]
-        return self._with_residuals(FineMethod, "rsibr-fine", lobe, uses_maps=uses_maps, lobes=lobes)
+        return self._with_residuals(FineMethod, "rsibr-fine", lobe, uses_maps, lobes=lobes)
 
-    def prefiltered(self, *, uses_maps: bool = True, lobe: str | None = None) -> PrefilteredMethod:
+    def prefiltered(self, *, uses_maps: bool | None = None, lobe: str | None = None) -> PrefilteredMethod:
         """Make the method `rsibr`, its model alone, or the part of one lobe.
 
         Parameters
         ----------
-        uses_maps : bool
-            Whether the stored maps say what the model does not.
+        uses_maps : bool, optional
+            Whether the stored maps say what the model does not; by default unless the bake holds one map alone.
         lobe : str, optional
             Only this lobe's part of the map: its model, and what that leaves unsaid of the lobe's own layer, carried as
             the whole's is. Model, residual and the carrying of it are linear, so that the parts of all lobes add up to
@@ -140,17 +141,22 @@ class MethodSet:
             PrefilteredMethod,
             "rsibr",
             lobe,
-            uses_maps=uses_maps,
+            uses_maps,
             prefilter=lambda resolution: PrefilteredLobes.of(lobes, stack, light, resolution, part),
             by_itself=lambda: self["rsibr-fine"] if lobe is None else self.fine(uses_maps=uses_maps, lobe=lobe),
         )
 
-    def _with_residuals(self, kind: type[_Modelled], name: str, lobe: str | None, **rest: Any) -> _Modelled:
+    def _with_residuals(
+        self, kind: type[_Modelled], name: str, lobe: str | None, uses_maps: bool | None, **rest: Any
+    ) -> _Modelled:
         """Make a method with a model, and put into its sources what the model leaves unsaid, over the whole albedo."""
         albedo = LobeAlbedo.of(np.sum([np.array(record.albedo) for record in self._lobes], axis=0))
         common = (self._viewpoints, self._sources, triangle_mix(gnomonic_weights), MirrorWarp.between, self._cost)
-        is_part = lobe is not None
-        made = kind(f"{name}/{lobe}" if is_part else name, *common, albedo=albedo, is_part=is_part, **rest)
+        is_part, carries = lobe is not None, self._bake.has_views if uses_maps is None else uses_maps
+        title = f"{name}/{lobe}" if is_part else name
+        made = kind(title, *common, albedo=albedo, uses_maps=carries, is_part=is_part, **rest)
+        if not carries:
+            return made
         images = [m.radiance if lobe is None else m.layers[self._layer(lobe)] for m in self._maps]
         residuals = [made.left_over(image, m.frame) for image, m in zip(images, self._maps, strict=True)]
         made.sources = self._on_device(residuals)
@@ -182,6 +188,12 @@ class MethodSet:
             return self.prefiltered()
         if name == "rsibr-fine":
             return self.fine()
+        if not self._bake.has_views:
+            raise BakeError(
+                f"it holds one map, for its lobes have closed forms, and '{name}' needs views all around",
+                where=str(self._bake.path),
+                fix='bake with effects.view_dependence = "on", or use rsibr',
+            )
         kind, mix, warp = _RECIPES[name](self._warp)
         return kind(name, self._viewpoints, self._sources, mix, warp, self._cost)
 
@@ -191,8 +203,10 @@ class MethodSet:
 
 
 def available(bake: Bake) -> tuple[str, ...]:
-    """Names of the methods that a bake has all for: `rsibr` needs its lobes kept apart."""
-    return METHODS if bake.manifest.lobes else tuple(_RECIPES)
+    """Names of the methods that a bake has all for: those of 1999 need its views, and ours its lobes and its light."""
+    modelled = bake.manifest.lobes and bake.manifest.light is not None
+    of_views, of_light = tuple(_RECIPES), tuple(name for name in METHODS if name not in _RECIPES)
+    return (*(of_views if bake.has_views else ()), *(of_light if modelled else ()))
 
 
 def checked_name(name: str) -> str:

@@ -47,16 +47,16 @@ class ModelledMethod(Method):
     def image(self, columns: mi.Float, resolution: int) -> mi.Float:
         """The texels of a map: see `Method.image`."""
         frame = frame_from(columns)
-        mixture, warps = self._toward(frame)
+        toward = self._toward(frame) if self.uses_maps else None
         gathered = self._gathered(frame, resolution)
-        dr.eval(frame, mixture, warps, gathered)
+        dr.eval(frame, toward, gathered)
         texel = tiled_texels(resolution)
         p = texel_centre(texel, resolution)
 
         def shaded(n: mi.Vector3f) -> mi.Vector4f:
             radiance = self._modelled(n, frame, gathered, resolution)
-            if self.uses_maps:
-                radiance += self.albedo.at(n.z) * carried(self.sources, mixture, warps, n)
+            if toward is not None:
+                radiance += self.albedo.at(n.z) * carried(self.sources, *toward, n)
             return as_rgba(self._finished(radiance))
 
         inside = touches_disk(p, resolution)
@@ -116,13 +116,12 @@ class FineMethod(ModelledMethod):
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` off surfaces with normal `n`: see `Method.eval`."""
         frame = frame_of(v)
-        mixture, warps = self._toward(frame)
         local = frame.T @ n
         radiance = mi.Color3f(0)
         for model, albedo in self.lobes:
             radiance += albedo.at(local.z) * model.radiance(n, v)
         if self.uses_maps:
-            radiance += self.albedo.at(local.z) * carried(self.sources, mixture, warps, local)
+            radiance += self.albedo.at(local.z) * carried(self.sources, *self._toward(frame), local)
         return self._finished(radiance)
 
     def _gathered(self, frame: mi.Matrix3f, resolution: int) -> list[PolarGrid | None]:  # noqa: ARG002

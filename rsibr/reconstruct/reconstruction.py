@@ -54,7 +54,7 @@ class Reconstruction:
 
 
 def reconstruct(
-    bake: Bake | Path | str, view: ArrayLike, *, method: str = "cabral1999", resolution: int | None = None
+    bake: Bake | Path | str, view: ArrayLike, *, method: str | None = None, resolution: int | None = None
 ) -> Reconstruction:
     """Reconstruct the map of a view that was not baked.
 
@@ -64,8 +64,8 @@ def reconstruct(
         A finished bake. To reconstruct many views, make a `MethodSet` once and call `run`.
     view : array_like, shape (3,)
         Direction from the surface to the viewer, of any positive length.
-    method : str, default "cabral1999"
-        One of `METHODS`.
+    method : str, optional
+        One of `METHODS`; by default `cabral1999`, or `rsibr` where the bake holds one map alone.
     resolution : int, optional
         Texels a side, 8 to 4096; by default the stored maps'.
 
@@ -85,7 +85,8 @@ def reconstruct(
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
     if resolution is not None and not 8 <= resolution <= 4096:
         raise InputError(f"{resolution} texels", where="resolution", fix="give 8 to 4096")
-    return run(MethodSet(opened)[method], frame, resolution or opened.resolution)
+    name = method or ("cabral1999" if opened.has_views else "rsibr")
+    return run(MethodSet(opened)[name], frame, resolution or opened.resolution)
 
 
 def run(method: Method, frame: NDArray[np.float64], resolution: int) -> Reconstruction:

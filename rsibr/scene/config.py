@@ -11,7 +11,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from rsibr.errors import InputError
 from rsibr.scene.config_errors import describe
@@ -183,16 +192,60 @@ class SamplingConfig(_Section):
     clamp: Finite | None = Field(default=None, gt=0.0)
 
 
+Switch = Literal["auto", "on", "off"]
+"""Whether an effect is simulated: as the evidence says, or by force."""
+
+
 class EffectsConfig(_Section):
-    """The effects that are simulated apart.
+    """The effects, each left to the evidence ("auto") or forced; `rsibr plan` says what the evidence is.
 
     Attributes
     ----------
     lobes : {"auto", "off"}
         Whether the lobes of a material that has several are stored apart. The method `rsibr` needs them.
+    diffuse, glossy, clear_coat, mirror : Switch
+        The lobes of the material. One that is forced off is missing from the maps.
+    view_dependence : Switch
+        Maps from several views. Off: what has no closed form is missing between the views.
+    fresnel : Switch
+        Whether the albedo of each lobe goes with the surface's angle when a map is reconstructed.
+    colour : Switch
+        Three channels; off: the red one stands for all.
+    light_sampling : Switch
+        Whether directions are drawn from the light beside those from the BSDF, as a sun needs it.
+    resolution : Switch
+        Whether maps keep all their texels; off: as few a side as the evidence allows, at most half of what was asked
+        and no fewer than 32. `auto` lowers them only where the config itself does not set `map.resolution`.
+    spectral, polarisation : {"auto", "off"}
+        Looked for and flagged; a bake is of RGB radiance.
     """
 
     lobes: Literal["auto", "off"] = "auto"
+    view_dependence: Switch = "auto"
+    diffuse: Switch = "auto"
+    glossy: Switch = "auto"
+    clear_coat: Switch = "auto"
+    mirror: Switch = "auto"
+    fresnel: Switch = "auto"
+    colour: Switch = "auto"
+    light_sampling: Switch = "auto"
+    resolution: Switch = "auto"
+    spectral: Switch = "auto"
+    polarisation: Switch = "auto"
+
+    @field_validator("spectral", "polarisation")
+    @classmethod
+    def _is_not_rendered(cls, value: Switch) -> Switch:
+        if value == "on":
+            raise ValueError('cannot be forced on: a bake holds RGB radiance, unpolarised. Leave it at "auto"')
+        return value
+
+    @model_validator(mode="after")
+    def _left_out_apart(self) -> EffectsConfig:
+        off = [name for name in ("diffuse", "glossy", "clear_coat", "mirror") if getattr(self, name) == "off"]
+        if off and self.lobes == "off":
+            raise ValueError(f"{', '.join(off)} can be left out only where lobes are kept apart: leave lobes at 'auto'")
+        return self
 
 
 class Config(_Section):
@@ -227,7 +280,7 @@ def load_config(path: Path, overrides: Sequence[str] = ()) -> Config:
         at once. Files that the config names are looked for only when they are loaded.
     """
     path = Path(path)
-    return parse_config(_read_toml(path), path.resolve().parent, overrides, where=str(path))
+    return parse_config(read_toml(path), path.resolve().parent, overrides, where=str(path))
 
 
 def parse_config(
@@ -256,7 +309,8 @@ def parse_config(
         raise InputError("; ".join(problems), where=where) from None
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read the tables of a TOML file; an InputError says in one line why it cannot be read."""
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:

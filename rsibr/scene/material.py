@@ -32,6 +32,9 @@ PRESETS = (
 """Names of the materials that come with rsibr, `scenes/materials/NAME.xml`."""
 
 
+ANISOTROPIC = "anisotropic: sphere maps hold one look a normal, so that expect larger errors between the views"
+
+
 @dataclass(frozen=True)
 class Material:
     """A material, checked. Built by `load_material`.
@@ -86,7 +89,7 @@ def load_material(config: MaterialConfig) -> Material:
 
 def _notes(bsdf: mi.BSDF) -> tuple[str, ...]:
     if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Anisotropic):
-        return ("anisotropic: sphere maps hold one look a normal, so that expect larger errors between the views",)
+        return (ANISOTROPIC,)
     return ()
 
 

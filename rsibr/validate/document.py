@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from rsibr.effects.plan import Plan
 from rsibr.validate.estimate_document import EstimateModel, Interval, Positive, Share, StrictModel
 from rsibr.validate.health_document import HealthModel
 from rsibr.validate.lobe_document import LobesModel, ViewLobesModel
@@ -142,6 +143,7 @@ class MetricsDocument(StrictModel):
     summary: dict[str, SummaryModel]
     lobes: LobesModel | None = Field(description="the lobes over all views; null where nobody looked")
     health: HealthModel | None = Field(description="numerical health of the bake; null where nobody looked")
+    plan: Plan | None = Field(description="effects that the bake simulated or left out; null in bakes without a plan")
 
     def to_json(self) -> str:
         """Return strict JSON, indented."""
@@ -177,6 +179,7 @@ def metrics_document(validation: Validation) -> MetricsDocument:
         summary={name: SummaryModel.of(s, validation.bake.bytes) for name, s in validation.summary.items()},
         lobes=LobesModel.of(validation.lobes) if validation.lobes else None,
         health=None if validation.health is None else HealthModel.of(validation.health),
+        plan=validation.plan,
     )
 
 

@@ -323,6 +323,6 @@ def _brightest(environment: Environment) -> NDArray[np.float64] | None:
 
 
 def _near_singularity(bake: Bake, views: Sequence[NDArray[np.float64]]) -> float | None:
-    if bake.manifest.material.warp != "mirror" or not len(views):
+    if bake.manifest.material.warp != "mirror" or not bake.has_views or not len(views):
         return None
     return near_singularity(from_directions(bake.directions, bake.triangles), views)

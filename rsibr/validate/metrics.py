@@ -209,8 +209,15 @@ def _debiased(a: Array, moments: _Moments) -> Array:
 
 
 def denominator(b: Array) -> Array:
-    """b² + ε, with ε = (0.1·mean b)² a channel.
+    """b² + ε, with ε = (0.1·mean b)² a channel: what a squared error is relative to.
 
+    Parameters
+    ----------
+    b : ndarray, shape (T, 3)
+        Radiance of the reference in the judged texels.
+
+    Notes
+    -----
     A channel darker than 1e-4 of the mean of all three takes that as its mean, lest rounding in a channel that is all
     but black outweighs what can be seen. The least float32 keeps an all-black reference finite.
     """

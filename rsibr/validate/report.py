@@ -130,4 +130,5 @@ def _page(validation: Validation, drawn: list[_ViewPictures]) -> str:
         views=list(zip(validation.views, drawn, strict=True)),
         ranking=sorted(summary, key=lambda name: summary[name].rel_mse.value),
         health=validation.health,
+        plan=validation.plan,
     )

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.effects.plan import Plan
 from rsibr.validate.estimate import Estimate, mean_estimate
 from rsibr.validate.flip import Exposures
 from rsibr.validate.health import Health
@@ -160,12 +161,15 @@ class Validation:
         Those of FLIP, for all views.
     health : Health or None
         Numerical health of the bake itself; None where nobody looked.
+    plan : Plan or None
+        Which effects the bake simulated; None in a bake without a plan.
     """
 
     bake: BakeSummary
     views: list[ViewResult]
     exposures: Exposures
     health: Health | None = None
+    plan: Plan | None = None
 
     @property
     def methods(self) -> list[str]:

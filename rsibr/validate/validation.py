@@ -116,7 +116,7 @@ def validate(
             found[name] = MethodResult(made.image, error, made.seconds)
         results.append(ViewResult(frame, reference, found, label, judge.at(frame) if judge else None))
     on_progress(len(chosen), len(chosen))
-    validation = Validation(_summary(opened), results, exposures, health)
+    validation = Validation(_summary(opened), results, exposures, health, opened.manifest.plan)
     if out is not None:
         write_report(validation, Path(out))
     return validation

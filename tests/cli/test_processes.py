@@ -36,7 +36,7 @@ def done(*arguments: object, **options: object) -> tuple[int, str, str]:
     return process.returncode, out, err
 
 
-@pytest.mark.parametrize("command", [[], ["demo"], ["doctor"], ["bake"], ["reconstruct"], ["validate"]])
+@pytest.mark.parametrize("command", [[], ["demo"], ["doctor"], ["plan"], ["bake"], ["reconstruct"], ["validate"]])
 def test_help_imports_nothing_heavy(command):
     code = (
         "import sys; sys.argv = ['rsibr', *sys.argv[1:], '--help']\n"

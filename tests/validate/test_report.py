@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from rsibr.effects.plan import Effect, LobePlan, Plan
 from rsibr.errors import BakeError
 from rsibr.validate.document import MetricsDocument, metrics_document, metrics_schema
 from rsibr.validate.page import duration, number, size
@@ -128,6 +129,28 @@ def test_the_page_tells_error_and_time_and_what_the_bake_saves(page, validation)
         assert str(summary.rel_mse) in text
         assert duration(summary.path_tracing_seconds).replace("\xa0", " ") in text
         assert ("never" if summary.break_even_views is None else f"{summary.break_even_views} view") in text
+
+
+def test_the_page_shows_the_plan_and_names_what_was_left_out(validation, tmp_path):
+    missed = Effect("diffuse", False, "off", 0.4, 1e-9, "of the light", "forced off <here>", 0, 0, None, 2**20, 0.2)
+    kept = Effect("colour", True, None, 0.5, 1e-4, "difference", "the light is coloured", 2.5, 2**21, 0, 0, 0.1)
+    lobe = LobePlan("glossy-0.1", True, 42, 0.3, 1e-5, "interpolated")
+    plan = Plan((missed, kept), (lobe,), ("diffuse",), False, True, 32, 10.0, 2**22, 0.1, "measured")
+    page = Page()
+    page.feed(write_report(replace(validation, plan=plan), tmp_path).read_text(encoding="utf-8"))
+    assert page.open == []
+    text = " ".join(page.text.replace("\xa0", " ").split())
+    for part in (
+        "Left out though it matters here: diffuse",
+        "forced off <here>",
+        "2.50 s",
+        "1.00 MiB",
+        "maps from 42 views",
+    ):
+        assert part in text
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert metrics["plan"]["effects"][0]["name"] == "diffuse"
+    assert MetricsDocument.model_validate(metrics).plan == plan
 
 
 def test_the_page_names_the_worst_lobe_of_each_view(validation, tmp_path):

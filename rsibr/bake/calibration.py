@@ -1,0 +1,97 @@
+"""Measures what a map costs on this machine: as planned, and with one decision taken the other way."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from rsibr import backend
+from rsibr.bake.baker import block_sizes
+from rsibr.bake.integrator import Scope, SphereIntegrator, stratified
+from rsibr.bake.map_file import MapFile, encode_map
+from rsibr.effects.lobes import LobeSplit
+from rsibr.effects.plan_costs import Costs
+from rsibr.geometry.frame import view_frame
+from rsibr.scene.config import Config
+
+MAX_LANES = 2**19
+"""Samples of a trial: enough to keep the cores busy, a tenth of a second of them."""
+
+RUNS = 5
+"""Timed runs, after the one that compiles; the shortest counts, for only others' work makes one longer."""
+
+SOURCE = "calibrated: the shortest of 5 launches of each kernel on this machine, scaled to the samples of the bake"
+
+
+def calibrate(
+    config: Config, emitter: dict[str, Any], bsdf: mi.BSDF, split: LobeSplit | None, scope: Scope, views: int
+) -> Costs:
+    """Time small launches of the kernels of a bake.
+
+    Parameters
+    ----------
+    config : Config
+        Its resolution, samples and clamp.
+    emitter, bsdf, split
+        The scene.
+    scope : Scope
+        What is planned.
+    views : int
+        Maps of the bake.
+
+    Returns
+    -------
+    Costs
+    """
+
+    def built(scope: Scope, lobes: LobeSplit | None) -> SphereIntegrator:
+        return SphereIntegrator(emitter, bsdf, config.map.resolution, lobes, config.sampling.clamp, scope)
+
+    planned = built(scope, split)
+    kernels = {
+        "seconds": planned,
+        "other_colour": built(replace(scope, grey=not scope.grey), split),
+        "other_sampling": built(replace(scope, light_samples=not scope.light_samples), split),
+    }
+    if len(planned.lobe_names) > 1:
+        kernels["one_lobe"] = built(replace(scope, left_out=()), None)
+    return Costs(
+        views=views,
+        lobes=len(planned.lobe_names),
+        bytes=_map_bytes(planned),
+        other_colour_bytes=_map_bytes(kernels["other_colour"]),
+        source=SOURCE,
+        **_map_seconds(kernels, config),
+    )
+
+
+def _map_seconds(kernels: dict[str, SphereIntegrator], config: Config) -> dict[str, float]:
+    """Seconds of a map by each kernel, from launches of no more than `MAX_LANES` samples."""
+    blocks = block_sizes(config.sampling.samples)
+    texels = int(np.count_nonzero(next(iter(kernels.values())).coverage))
+    samples = max(1, min(blocks[0], MAX_LANES // texels))
+    frame = view_frame(np.array([1.0, 2.0, 3.0]))
+    shortest = dict.fromkeys(kernels, math.inf)
+    for run in range(-1, RUNS):  # in turn: a machine that is busy for a while is so for all of them
+        for name, kernel in kernels.items():
+            start = time.perf_counter()
+            kernel.block(frame, samples, np.random.SeedSequence(run + 1))
+            backend.synchronize()
+            if run >= 0:
+                shortest[name] = min(shortest[name], time.perf_counter() - start)
+    scale = stratified(blocks[0]) * len(blocks) / stratified(samples)
+    return {name: seconds * scale for name, seconds in shortest.items()}
+
+
+def _map_bytes(integrator: SphereIntegrator) -> int:
+    """Size of a map's file: noise compresses to what other noise does."""
+    frame = view_frame(np.array([1.0, 2.0, 3.0]))
+    block = integrator.block(frame, 4, np.random.SeedSequence(0))
+    layers = {name: integrator.image(block[:, k]) for k, name in enumerate(integrator.lobe_names)}
+    variance = integrator.image(block.sum(axis=1))
+    return len(encode_map(MapFile(frame[:, 2].copy(), frame, layers, variance, integrator.coverage, integrator.grey)))

@@ -1,0 +1,50 @@
+"""The plan of a config, by itself: what a bake would simulate, and what that would cost on this machine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rsibr import backend
+from rsibr.bake.baker import block_sizes
+from rsibr.bake.calibration import calibrate
+from rsibr.bake.planning import planned_scene, planned_settings, scope_of
+from rsibr.effects.plan import Plan
+from rsibr.effects.plan_costs import priced
+from rsibr.scene.config import Config, load_config
+from rsibr.scene.environment import load_environment
+from rsibr.scene.material import load_material
+from rsibr.scene.views import load_viewpoints
+
+
+def plan(config: Config | Path | str, *, overrides: Sequence[str] = ()) -> Plan:
+    """Say which effects a scene calls for, with the evidence, the cost and what leaving each out would do.
+
+    Parameters
+    ----------
+    config : Config or path
+        What would be baked; a path to a TOML file, or a config already read.
+    overrides : sequence of str
+        `key=value` pairs that override keys of the config file.
+
+    Returns
+    -------
+    Plan
+        With costs calibrated on this machine. Nothing is baked and nothing is written.
+
+    Raises
+    ------
+    InputError
+        If the config, the environment, the material or the views are wrong.
+    MachineError
+        If the machine has no usable backend.
+    """
+    settings = config if isinstance(config, Config) else load_config(Path(config), overrides)
+    backend.use()
+    environment, bsdf = load_environment(settings.environment), load_material(settings.material).bsdf()
+    views = len(load_viewpoints(settings.views).directions)
+    made, split = planned_scene(settings, environment, bsdf, block_sizes(settings.sampling.samples)[0])
+    kept_apart = None if settings.effects.lobes == "off" else split
+    lowered = planned_settings(settings, made)
+    costs = calibrate(lowered, environment.emitter(), bsdf, kept_apart, scope_of(made), views)
+    return priced(made, costs, settings.map.resolution)

@@ -1,0 +1,83 @@
+"""`rsibr plan`: which effects a scene calls for, and what they would cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rsibr.cli.options import Config, Json
+
+if TYPE_CHECKING:
+    from rsibr.effects.plan import Effect, Plan
+
+TABLE_WIDTH = 150
+"""Columns that the table of effects takes at least."""
+
+
+def plan(
+    config: Config,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the config.")
+    ] = None,
+    json_output: Json = False,
+) -> None:
+    """Say which effects a scene calls for, with evidence, cost, and the error of leaving each out. Bakes nothing."""
+    from rsibr.bake.forecast import plan as run
+    from rsibr.bake.plan_document import PlanDocument
+
+    made = run(config, overrides=overrides or ())
+    if json_output:
+        typer.echo(PlanDocument.of(made).to_json(), nl=False)
+        return
+    _print(made)
+
+
+def _print(made: Plan) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD)
+    for heading in ("effect", "", "evidence", "threshold", "s", "MiB", "relMSE\nwithout"):
+        table.add_column(heading, no_wrap=True)
+    table.add_column("why", overflow="fold")
+    for effect in made.effects:
+        table.add_row(*_row(effect), style=None if effect.on else "yellow" if effect.missed else "dim")
+    console = Console(highlight=False, markup=False)
+    console.width = max(console.width, TABLE_WIDTH)  # where nothing says how wide it is, a narrow one is assumed
+    console.print(table)
+    for line in _lines(made):
+        typer.echo(line)
+
+
+def _row(effect: Effect) -> Iterator[str]:
+    from rsibr.effects.plan import number
+
+    sign = "" if effect.on else "−"
+    seconds, size = (
+        (effect.cost_seconds, effect.cost_bytes) if effect.on else (effect.saved_seconds, effect.saved_bytes)
+    )
+    yield effect.name
+    yield ("on" if effect.on else "off") + (" (forced)" if effect.forced else "")
+    yield number(effect.evidence)
+    yield number(effect.threshold)
+    yield "?" if seconds is None else f"{sign}{seconds:.2f}" if seconds else "0"
+    yield "?" if size is None else f"{sign}{size / 2**20:.2f}" if size else "0"
+    yield "?" if effect.error_if_left_out is None else number(effect.error_if_left_out)
+    yield f"{effect.why} [{effect.unit}]"
+
+
+def _lines(made: Plan) -> Iterator[str]:
+    for lobe in made.lobes:
+        needs = f"maps from {lobe.views_needed} views" if lobe.maps_needed else "no maps"
+        yield f"{lobe.name}: {needs}: {lobe.why}"
+    channels, samples = ("one channel" if made.grey else "RGB"), ("light and BSDF" if made.light_samples else "BSDF")
+    total = (
+        "" if made.seconds is None or made.bytes is None else f", {made.seconds:.1f} s, {made.bytes / 2**20:.1f} MiB"
+    )
+    yield f"planned: maps of {made.resolution}², {channels}, samples of {samples}{total}"
+    yield f"costs {made.costs_from}; looking at the scene took {made.probe_seconds:.2f} s"
+    for note in made.notes():
+        yield f"note: {note}"

@@ -1,0 +1,79 @@
+"""`rsibr study`: error against time, over a sweep of what a bake can spend on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rsibr.cli.options import Json, check_output_folder
+
+if TYPE_CHECKING:
+    from rsibr.study.runner import Progress, Study
+
+
+def study(
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Config of the study (TOML).", show_default=False)],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Directory of the study: its report, bakes, references.")],
+    json_output: Json = False,
+) -> None:
+    """Measure what accuracy costs in time: sweeps, convergence, fronts. A study that was killed goes on."""
+    check_output_folder(out)
+    from rsibr.study.runner import study as run
+
+    with _progress() as show:
+        found = run(config, out=out, on_progress=show)
+    if json_output:
+        typer.echo((out / "study.json").read_text(encoding="utf-8"), nl=False)
+    else:
+        _print(found)
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[Progress], None]]:
+    """Say what the study is expected to take, then show what is at work and the time left."""
+    from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bars
+
+    from rsibr.cli.console import console
+    from rsibr.validate.page import duration
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("left"))
+    with Bars(*columns, TimeRemainingColumn(), console=console, transient=True) as bars:
+        task: TaskID | None = None
+
+        def show(state: Progress) -> None:
+            nonlocal task
+            if task is None:
+                console.print(
+                    f"expected to take {duration(state.total)}" if state.total > 0 else "all is there already"
+                )
+                task = bars.add_task("study", total=state.total)
+            bars.update(task, completed=state.done, description=state.step)
+
+        yield show
+
+
+def _print(found: Study) -> None:
+    """Print for each scene the points that nothing beats in error and time, and what twice the time buys."""
+    from rsibr.study.page import answer, estimate
+    from rsibr.validate.page import duration, number, size
+
+    frames = found.document.judge.frames
+    for scene, analysis in found.scenes:
+        typer.echo(f"\n{scene.name}: the best in its time, to bake and to make {frames} pictures")
+        by_label = {point.label: point for point in scene.points}
+        rivals = {row.label: row for row in analysis.rivals}
+        for label in analysis.job_front:
+            point, row = by_label[label], rivals[label]
+            typer.echo(
+                f"  {duration(row.job_seconds):>12}  relMSE {estimate(point.error.rel_mse):<22}"
+                f"{size(point.bytes):>9}  {label} (path tracing: {number(row.path_tracing_rel_mse)})"
+            )
+    typer.echo("\nwhat twice the time buys, mean over the scenes")
+    for sentence in answer(found.document.doubling, frames):
+        typer.echo(f"  {sentence}")
+    typer.echo(f"report: {found.out / 'study.html'}")

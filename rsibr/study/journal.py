@@ -1,0 +1,87 @@
+"""What a study has already measured, on disk: one small file a result, each whole or not there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from rsibr.bake.atomic import checksum, is_leftover, unreadable, unwritable, write_atomic
+from rsibr.bake.directory import entries, make_folder
+from rsibr.bake.manifest import canonical
+from rsibr.errors import BakeError
+
+LOCK_NAME = ".lock"
+
+
+class Journal:
+    """Results by what they depend on: content, seeds, versions. Whatever changes, only what depends on it is lost.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files lie; made where missing.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        make_folder(folder)
+        for leftover in filter(is_leftover, list(entries(folder))):  # of a process that was killed
+            leftover.unlink(missing_ok=True)
+
+    def find(self, key: Mapping[str, Any]) -> Any:
+        """Return the result that was stored under `key`; None where there is none, or its file was altered."""
+        path = self._path(key)
+        try:
+            content = json.loads(path.read_bytes())
+            result, found = content["result"], content["checksum"]
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise unreadable(path, error) from error
+        except (ValueError, LookupError, TypeError, RecursionError):
+            return None
+        return result if found == checksum(canonical(result)) else None
+
+    def store(self, key: Mapping[str, Any], result: Any) -> None:
+        """Keep a result, plain JSON data, under `key`: once this returns, it outlives a crash.
+
+        Raises
+        ------
+        MachineError, BakeError
+            If it cannot be written.
+        """
+        plain = json.loads(canonical(result))
+        content = {"key": dict(key), "result": plain, "checksum": checksum(canonical(plain))}
+        write_atomic(self._path(key), json.dumps(content, indent=1, ensure_ascii=False).encode())
+
+    def _path(self, key: Mapping[str, Any]) -> Path:
+        return self._folder / f"{name_of(key)}.json"
+
+
+def name_of(key: Mapping[str, Any]) -> str:
+    """File name, without ending, of what depends on `key`: its kind, and enough of its hash."""
+    return f"{key['kind']}-{checksum(canonical(key))[:20]}"
+
+
+def lock_study(folder: Path) -> FileLock:
+    """Make the directory of a study where it is missing, and take the one lock on writing into it, without waiting.
+
+    Raises
+    ------
+    BakeError
+        If another study holds it, or the directory may not be written to.
+    """
+    make_folder(folder)
+    lock = FileLock(folder / LOCK_NAME, thread_local=False)
+    try:
+        lock.acquire(blocking=False)
+    except Timeout as error:
+        fix = "wait until it ends, or choose another --out"
+        raise BakeError("another study is writing into this directory", where=str(folder), fix=fix) from error
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    return lock
