@@ -135,7 +135,7 @@ def _clusters(roughnesses: tuple[float, ...], energy: list[float], most_glossy: 
     least, share = ALL_BUT_MATTE
     while matte and glossy and roughnesses[glossy[-1][0]] >= least and _carried(glossy[-1], energy) < share * total:
         matte[0] += glossy.pop()
-    return (matte + glossy) or [[0]]
+    return [*matte, *reversed(glossy)] or [[0]]
 
 
 def _carried(group: list[int], energy: list[float]) -> float:

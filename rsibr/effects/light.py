@@ -40,7 +40,7 @@ def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUT
     environment = mi.load_dict({"type": "scene", "light": emitter}).environment()
     if environment is None:
         return np.zeros((resolution, resolution, 3), dtype=np.float32)
-    finer = math.ceil(_POINTS * width / (2 * math.sqrt(math.pi) * resolution))
+    finer = math.ceil(_POINTS * width / (math.sqrt(math.pi) * resolution))  # a texel's angle over 2π/width
     points = min(max(_POINTS, finer), _MOST_POINTS)
     total = dr.zeros(mi.Color3f, resolution**2)  # a constant emitter answers for all lanes at once
     offsets = (np.arange(points) + 0.5) / points

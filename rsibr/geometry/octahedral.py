@@ -87,6 +87,4 @@ def bordered(image: NDArray[np.float32]) -> NDArray[np.float32]:
         With it every bilinear lookup is continuous, over the edges too.
     """
     rows = np.concatenate([image[:1, ::-1], image, image[-1:, ::-1]])
-    left, right = rows[::-1, :1].copy(), rows[::-1, -1:].copy()
-    left[[0, -1]], right[[0, -1]] = image[[-1, 0], -1:], image[[-1, 0], :1]  # opposite corners are one point: −z
-    return np.ascontiguousarray(np.concatenate([left, rows, right], axis=1))
+    return np.ascontiguousarray(np.concatenate([rows[::-1, :1], rows, rows[::-1, -1:]], axis=1))

@@ -184,8 +184,9 @@ def _blurred(source: LightStack, width: float, resolution: int) -> NDArray[np.fl
     """Blur the one level of `source` by a Gaussian of standard deviation `width` [rad]."""
     x, y = (grid.ravel() for grid in np.meshgrid(*[np.linspace(-_REACH, _REACH, _TAPS)] * 2))
     near = np.hypot(x, y) <= _REACH
-    weight = np.exp(-0.5 * (x**2 + y**2))[near]
-    taps = np.stack([x[near] * width, y[near] * width, weight / weight.sum(), 0 * weight], axis=1)
+    x, y, weight = x[near], y[near], np.exp(-0.5 * (x**2 + y**2))[near]
+    width *= math.sqrt(weight.sum() / (weight @ x**2))  # what is cut off at the reach would leave the variance short
+    taps = np.stack([x * width, y * width, weight / weight.sum(), 0 * weight], axis=1)
     packed, count = resident(mi.Float, taps.astype(np.float32)), dr.opaque(mi.UInt32, len(taps))
     d = texel_directions(resolution)
     frame = frame_of(d)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rsibr.effects.kernel import LobeKernel
 from rsibr.geometry.facet_map import facet_point
 from rsibr.reconstruct.angle_table import AngleTable
-from rsibr.reconstruct.facet_pyramid import finest_resolution, gathered, lookup
+from rsibr.reconstruct.facet_pyramid import balance, finest_resolution, gathered, lookup
 from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.lobe_weights import albedo_at_nodes, lobe_weights
 from rsibr.reconstruct.streak import Slant, Streak
@@ -31,6 +31,8 @@ class PrefilteredLobes:
         Texels a side of the facet pyramid's first level.
     levels : list of AngleTable
         Weight of each level of the pyramid.
+    balance : mi.Float
+        Factors on the pyramid's sum; see `facet_pyramid.balance`.
     sharp : AngleTable or None
         Weight and width of what is narrower than the first level; None where nothing is.
     matte : list of (LightStack, AngleTable)
@@ -40,6 +42,7 @@ class PrefilteredLobes:
     light: LightStack
     resolution: int
     levels: list[AngleTable]
+    balance: mi.Float
     sharp: AngleTable | None
     matte: list[tuple[LightStack, AngleTable]]
 
@@ -67,10 +70,12 @@ class PrefilteredLobes:
         """
         finest = finest_resolution(resolution)
         weights = lobe_weights([lobe for lobe in lobes if not lobe[0].is_matte], finest, part)
+        levels = [AngleTable.of(level) for level in weights.levels]
         return cls(
             light=stack,
             resolution=finest,
-            levels=[AngleTable.of(level) for level in weights.levels],
+            levels=levels,
+            balance=balance(levels, finest),
             sharp=AngleTable.of(weights.sharp) if weights.has_sharp else None,
             matte=[
                 (LightStack.irradiance(light, kernel.matte), AngleTable.of(albedo_at_nodes(albedo)))
@@ -81,7 +86,7 @@ class PrefilteredLobes:
 
     def gathered(self, frame: mi.Matrix3f) -> mi.Float:
         """Light of all glossy lobes over the facet map of `frame`, columns x, y, v; for `radiance`."""
-        return gathered(frame, self.light, self.levels, self.resolution)
+        return gathered(frame, self.light, self.levels, self.balance, self.resolution)
 
     def radiance(self, n: mi.Vector3f, frame: mi.Matrix3f, facets: mi.Float, spacing: mi.Float) -> mi.Color3f:
         """Mean radiance over a texel of a sphere map that the lobes reflect.

@@ -24,6 +24,7 @@ _MOST_LOOKUPS = 24
 _OVERLAP = 0.3  # least width of a lookup over the distance to the next
 _LEAST_COSINE = 1e-3
 _GRAZING = 0.02  # cosine below which a streak grows no longer
+_NARROWEST = 1e-9  # a mirror at a point has no streak at all
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,7 @@ class Streak:
         mi.Color3f, mi.Color3f
             Weighted light [W sr⁻¹ m⁻²], and the weight.
         """
-        ratio = self.along / (dr.maximum(self.slant.cosine, _GRAZING) * self.across)
+        ratio = self.along / dr.maximum(dr.maximum(self.slant.cosine, _GRAZING) * self.across, _NARROWEST)
         lookups = dr.clip(dr.ceil(_DENSITY * ratio), 1, _MOST_LOOKUPS)
         step, spread = 2 * _REACH / lookups, dr.gather(mi.Float, spreads, mi.UInt32(lookups))
         least = _OVERLAP * 2 * step * self.along

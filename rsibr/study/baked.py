@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.bake.store import Bake
-from rsibr.reconstruct.lobed import LobedMethod
 from rsibr.reconstruct.methods import MethodSet
 from rsibr.reconstruct.reconstruction import run
-from rsibr.study.lobes import lobe_errors
+from rsibr.study.lobes import mean_lobe_errors
 from rsibr.study.noise import NoisyBake, noise_of, without
 from rsibr.study.plan import BakeSize, Variant
 from rsibr.study.results import BakeRecord, ErrorRecord, PointRecord, Timing, label_of
 from rsibr.study.variants import bytes_read, opened_at, variant_of
+from rsibr.validate.estimate_document import EstimateModel
 from rsibr.validate.metrics import compare
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class BakedMaps:
             error=error,
             noise=noise,
             bias=without(error.rel_mse, noise),
-            lobes=self._lobes(method) if isinstance(method, LobedMethod) and len(method.lobes) > 1 else None,
+            lobes=self._lobes(variant) if variant.method == "rsibr" and len(self.bake.manifest.lobes) > 1 else None,
             frame_seconds=Timing.of(seconds),
             bytes=bytes_read(self.bake, method, variant.precision),
         )
@@ -95,11 +95,11 @@ class BakedMaps:
             self._noise[plain] = noise_of(images, noisy, self.bench.references)
         return self._noise[plain]
 
-    def _lobes(self, method: LobedMethod) -> Any:
-        bench = self.bench
-        names = [record.name for record in self.bake.manifest.lobes]
+    def _lobes(self, variant: Variant) -> dict[str, EstimateModel]:
+        bench, methods = self.bench, self._at(variant.precision)
+        parts = {lobe.name: methods.prefiltered(lobe=lobe.name) for lobe in self.bake.manifest.lobes}
         truths = [bench.lobe_truth(frame) for frame in bench.frames]
-        return lobe_errors(method, names, bench.frames, truths, bench.references)
+        return mean_lobe_errors(parts, bench.frames, truths, bench.references)
 
 
 def bake_record(baked: Bake, size: BakeSize, wall_seconds: float | None) -> BakeRecord:

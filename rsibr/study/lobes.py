@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.effects.lobes import LobeSplit
-from rsibr.reconstruct.lobed import LobedMethod
+from rsibr.reconstruct.method import Method
 from rsibr.reconstruct.reconstruction import run
 from rsibr.study.results import mean_model
 from rsibr.study.scene import Scene
 from rsibr.study.truth import Arrays, TruthStore
-from rsibr.validate.estimate import Estimate, jackknife
+from rsibr.validate.estimate import Estimate
 from rsibr.validate.estimate_document import EstimateModel
-from rsibr.validate.metrics import COVERED, denominator
+from rsibr.validate.lobes import lobe_errors
+from rsibr.validate.metrics import COVERED
 from rsibr.validate.reference import MINIMUM_BUFFERS, Reference
-
-Array = NDArray[np.float64]
 
 _LOBE_BRANCH = 0x6C6F_6265
 """Branch of the seed tree (the letters "lobe")."""
@@ -59,46 +57,26 @@ def lobe_truth(scene: Scene, frame: NDArray[np.float64], samples: int, store: Tr
     return store.get(lobe_key(scene, frame, samples), make)[0]
 
 
-def lobe_errors(
-    method: LobedMethod,
-    names: Sequence[str],
+def mean_lobe_errors(
+    parts: Mapping[str, Method],
     frames: Sequence[NDArray[np.float64]],
     truths: Sequence[Arrays],
     references: Sequence[Reference],
 ) -> dict[str, EstimateModel]:
-    """Relative MSE that each lobe's own error makes, mean over the views.
+    """Relative MSE that each lobe's own error makes, mean over the views; see `rsibr.validate.lobes.lobe_errors`.
 
     Parameters
     ----------
-    method : LobedMethod
-        Its lobes have `names`, in their order.
+    parts : dict of str to Method
+        The part of each lobe in the pictures.
     frames, truths, references
-        Of the judged views: frame, truth of each lobe, and truth of the whole, which errors are relative to.
-
-    Notes
-    -----
-    Errors of lobes that cancel or add up in the sum make these differ from shares of the whole relMSE.
+        Of the judged views: frame, truth of each lobe, and truth of the whole, whose coverage says what is judged.
     """
-    found = {}
-    for name, lobe in zip(names, method.lobes, strict=True):
-        alone = replace(method, lobes=[lobe])
-        errors = []
-        for frame, truth, reference in zip(frames, truths, references, strict=True):
-            picture = run(alone, frame, reference.buffers.shape[1]).image
-            errors.append(_error(picture, truth[name], reference))
-        found[name] = mean_model(errors)
-    return found
-
-
-def _error(picture: NDArray[np.float32], buffers: NDArray[np.float32], reference: Reference) -> Estimate:
-    """Squared error against the mean of the buffers, their noise taken out, relative to the whole radiance."""
-    judged = reference.coverage >= COVERED
-    relative_to = denominator(reference.buffers[:, judged].mean(axis=0, dtype=np.float64))
-    a, truth = picture[judged].astype(np.float64), buffers[:, judged].astype(np.float64)
-
-    def average(kept: Array) -> float:
-        noise = kept.var(axis=0, ddof=1) / len(kept)
-        return float(np.mean(((a - kept.mean(axis=0)) ** 2 - noise) / relative_to))
-
-    left_out = np.array([average(np.delete(truth, k, axis=0)) for k in range(len(truth))])
-    return jackknife(average(truth), left_out)
+    found: dict[str, list[Estimate]] = {name: [] for name in parts}
+    for frame, truth, reference in zip(frames, truths, references, strict=True):
+        judged = reference.coverage >= COVERED
+        images = [run(part, frame, len(judged)).image[judged] for part in parts.values()]
+        buffers = np.stack([truth[name][:, judged] for name in parts], axis=2)
+        for name, error in zip(parts, lobe_errors(np.stack(images, axis=1), buffers), strict=True):
+            found[name].append(error)
+    return {name: mean_model(errors) for name, errors in found.items()}

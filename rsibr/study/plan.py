@@ -11,7 +11,13 @@ from rsibr.scene.config import Config, MapConfig, SamplingConfig, ViewsConfig
 from rsibr.study.axes import PER_TEXEL
 from rsibr.study.config import StudyConfig, SweepConfig
 
-OWN_WEIGHTS = {"nearest": "none", "blend": "area", "cabral1999": "area", "rsibr": "gnomonic"}
+OWN_WEIGHTS = {
+    "nearest": "none",
+    "blend": "area",
+    "cabral1999": "area",
+    "rsibr": "gnomonic",
+    "rsibr-fine": "gnomonic",
+}
 """Weights that the methods take by themselves; of these, all but `nearest` can take others."""
 
 MESH_METHOD = "cabral1999-mesh"
@@ -37,7 +43,10 @@ class BakeSize:
         """Config of the bake of `scene` at this size."""
         sampling = SamplingConfig.model_validate({**scene.sampling.model_dump(), "samples": self.samples})
         views = scene.views if self.subdivision is None else ViewsConfig(subdivision=self.subdivision)
-        changed = {"sampling": sampling, "map": MapConfig(resolution=self.resolution), "views": views}
+        # A study asks what views are worth: it takes them where a plan would do without
+        effects = scene.effects.model_copy(update={"view_dependence": "on"})
+        resolution = MapConfig(resolution=self.resolution)
+        changed = {"sampling": sampling, "map": resolution, "views": views, "effects": effects}
         return scene.model_copy(update=changed)
 
 

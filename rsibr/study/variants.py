@@ -12,9 +12,9 @@ from rsibr.bake.map_file import MapFile
 from rsibr.bake.store import Bake
 from rsibr.geometry.spherical import area_weights, gnomonic_weights
 from rsibr.reconstruct.blend import triangle_mix
-from rsibr.reconstruct.lobed import LobedMethod
 from rsibr.reconstruct.method import MeshMethod, Method
 from rsibr.reconstruct.methods import MethodSet
+from rsibr.reconstruct.modelled import ModelledMethod
 from rsibr.study.axes import mesh_of
 from rsibr.study.plan import OWN_WEIGHTS, Variant
 
@@ -52,9 +52,9 @@ def variant_of(methods: MethodSet, variant: Variant) -> Method:
 
 
 def bytes_read(bake: Bake, method: Method, precision: str) -> int:
-    """Size of the radiance that a method reads [bytes], in memory: three channels a texel, map and lobe."""
-    layers = len(method.lobes) if isinstance(method, LobedMethod) else 1
-    return 3 * _FLOAT_BYTES[precision] * layers * bake.view_count * bake.resolution**2
+    """Size of what a method reads [bytes], in memory: three channels a texel of each map, and the light if it does."""
+    maps = 3 * _FLOAT_BYTES[precision] * bake.view_count * bake.resolution**2
+    return maps + bake.light.nbytes if isinstance(method, ModelledMethod) else maps
 
 
 def _half(image: NDArray[np.float32]) -> NDArray[np.float32]:
