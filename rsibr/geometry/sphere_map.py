@@ -127,6 +127,31 @@ def texel_centres(resolution: int) -> mi.Point2f:
     return texel_centre(dr.arange(mi.UInt32, resolution * resolution), resolution)
 
 
+def covered_middle(p: mi.Point2f, resolution: int) -> mi.Point2f:
+    """Middle of what of a texel lies within the disk.
+
+    Parameters
+    ----------
+    p : mi.Point2f
+        Centres of texels.
+    resolution : int
+        Texels a side.
+
+    Returns
+    -------
+    mi.Point2f
+        The centre of a texel that lies within the disk. One that the rim cuts shows surfaces further in than its
+        centre: at a radius of 0.9993 in a map of 64² texels the centre is seen at a grazing 2°, the middle at 7°.
+
+    Notes
+    -----
+    Taken along the radius, as if a texel's sides faced the middle.
+    """
+    radius, half = dr.norm(p), 1 / resolution
+    middle = 0.5 * (radius - half + dr.minimum(radius + half, 1))
+    return dr.select(radius + half > 1, p * (middle / dr.maximum(radius, half)), p)
+
+
 def tiled_texels(resolution: int) -> mi.UInt32:
     """Indices of all texels of an N×N image, tile by tile.
 

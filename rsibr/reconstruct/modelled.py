@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.frame import frame_of
-from rsibr.geometry.sphere_map import normal_from_disk, texel_centre, texel_centres, tiled_texels
+from rsibr.geometry.sphere_map import covered_middle, normal_from_disk, texel_centre, texel_centres, tiled_texels
 from rsibr.reconstruct.lobe_albedo import LobeAlbedo
 from rsibr.reconstruct.lobe_model import LobeModel
 from rsibr.reconstruct.method import Method, as_rgba, frame_from, laid_out, touches_disk
@@ -53,14 +53,15 @@ class ModelledMethod(Method):
         texel = tiled_texels(resolution)
         p = texel_centre(texel, resolution)
 
-        def shaded(n: mi.Vector3f) -> mi.Vector4f:
-            radiance = self._modelled(n, frame, gathered, resolution)
+        def shaded(n: mi.Vector3f, seen: mi.Vector3f) -> mi.Vector4f:
+            radiance = self._modelled(seen, frame, gathered, resolution)
             if toward is not None:
-                radiance += self.albedo.at(n.z) * carried(self.sources, *toward, n)
+                radiance += self.albedo.at(seen.z) * carried(self.sources, *toward, n)
             return as_rgba(self._finished(radiance))
 
         inside = touches_disk(p, resolution)
-        radiance = dr.if_stmt((normal_from_disk(p),), inside, shaded, lambda _: mi.Vector4f(0))
+        normals = normal_from_disk(p), normal_from_disk(covered_middle(p, resolution))
+        radiance = dr.if_stmt(normals, inside, shaded, lambda _n, _seen: mi.Vector4f(0))
         return laid_out(radiance, texel, resolution)
 
     def left_over(self, radiance: NDArray[np.float32], frame: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -82,7 +83,7 @@ class ModelledMethod(Method):
         self._prepare(resolution)
         matrix = mi.Matrix3f(frame.astype(np.float32))
         dr.make_opaque(matrix)
-        n = normal_from_disk(texel_centres(resolution))
+        n = normal_from_disk(covered_middle(texel_centres(resolution), resolution))
         gathered = self._gathered(matrix, resolution)
         dr.eval(gathered)
         modelled, albedo = self._modelled(n, matrix, gathered, resolution), self.albedo.at(n.z)

@@ -13,7 +13,7 @@ from rsibr.geometry.facet_map import facet_point
 from rsibr.reconstruct.angle_table import AngleTable
 from rsibr.reconstruct.facet_pyramid import balance, finest_resolution, gathered, lookup
 from rsibr.reconstruct.light_stack import LightStack
-from rsibr.reconstruct.lobe_weights import albedo_at_nodes, lobe_weights
+from rsibr.reconstruct.lobe_weights import LobeWeights, albedo_at_nodes, lobe_weights
 from rsibr.reconstruct.streak import Slant, Streak
 
 Array = NDArray[np.float64]
@@ -69,13 +69,13 @@ class PrefilteredLobes:
             The one of `lobes` to take alone; the parts of all add up to the whole.
         """
         finest = finest_resolution(resolution)
-        weights = lobe_weights([lobe for lobe in lobes if not lobe[0].is_matte], finest, part)
-        levels = [AngleTable.of(level) for level in weights.levels]
+        glossy = [lobe for lobe in lobes if not lobe[0].is_matte]
+        weights, whole = lobe_weights(glossy, finest, part), lobe_weights(glossy, finest)
         return cls(
             light=stack,
             resolution=finest,
-            levels=levels,
-            balance=balance(levels, finest),
+            levels=_tables(weights),
+            balance=balance(_tables(whole), finest),  # the same for all parts, lest they no longer add up
             sharp=AngleTable.of(weights.sharp) if weights.has_sharp else None,
             matte=[
                 (LightStack.irradiance(light, kernel.matte), AngleTable.of(albedo_at_nodes(albedo)))
@@ -113,6 +113,10 @@ class PrefilteredLobes:
         slant = Slant.of(world, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
         sharp = Streak.of(slant, weight.w, spacing).at_two_places(self.light.roughly_blurred)
         return radiance + _colour(weight) * sharp
+
+
+def _tables(weights: LobeWeights) -> list[AngleTable]:
+    return [AngleTable.of(level) for level in weights.levels]
 
 
 def _colour(values: mi.Vector4f) -> mi.Color3f:

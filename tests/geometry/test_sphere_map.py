@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rsibr.geometry.sphere_map import (
+    covered_middle,
     disk_from_normal,
     disk_from_reflection,
     normal_from_disk,
@@ -98,3 +99,20 @@ def test_mirror_map_is_equal_area_with_jacobian_four():
     corners = to_numpy(reflection_from_disk(point(p + np.array([[0, 0], [step, 0], [0, step]])))).T
     area = np.linalg.norm(np.cross(corners[1] - corners[0], corners[2] - corners[0]))
     assert area / step**2 == pytest.approx(4, rel=0.03)
+
+
+@pytest.mark.parametrize("resolution", [16, 64])
+def test_a_texel_cut_by_the_rim_shows_the_middle_of_what_is_left(resolution):
+    """Against the mean over the covered part by brute force; whole texels show their centre."""
+    x, y = disk_grid(resolution)
+    step = ((np.arange(64) + 0.5) / 64 - 0.5) * 2 / resolution
+    centres = texel_centres(resolution)
+    found, centre = to_numpy(covered_middle(centres, resolution)).T, np.stack([x.ravel(), y.ravel()], axis=1)
+    covered = texel_coverage(resolution).ravel()
+    whole = np.hypot(*centre.T) < 1 - 1.5 / resolution
+    assert np.array_equal(found[whole], to_numpy(centres).T[whole])
+    for index in np.flatnonzero((covered >= 0.5) & (covered < 1)):
+        inner = (centre[index] + np.stack(np.meshgrid(step, step), axis=-1)).reshape(-1, 2)
+        radius = np.hypot(*inner.T)
+        assert np.hypot(*found[index]) == pytest.approx(radius[radius < 1].mean(), abs=0.35 / resolution)
+        assert np.hypot(*found[index]) <= 1

@@ -62,6 +62,18 @@ def test_maps_are_better_than_the_model_alone(name, material, method_sets, refer
     assert rel_mse(methods[name], truth) < rel_mse(alone, truth)
 
 
+@pytest.mark.parametrize("material", MATERIALS)
+@pytest.mark.parametrize("name", MODELLED)
+def test_no_texel_that_the_rim_cuts_is_far_off(material, name, method_sets, references):
+    """Its surfaces are seen less flatly than its centre is."""
+    for frame, covered, radiance, variance in references(material):
+        found = image(method_sets(material)[name], frame, RESOLUTION)[covered]
+        error = ((found - radiance) ** 2 - variance) / (radiance**2 + (0.1 * radiance.mean(axis=0)) ** 2)
+        rim = ~inside(RESOLUTION, 1 - 1 / RESOLUTION)[covered]
+        assert rim.sum() > 50
+        assert error[rim].mean(axis=1).max() < 0.3
+
+
 @pytest.mark.parametrize("name", MODELLED)
 def test_stored_views_come_back(name, method_sets):
     """To the packing of texels: 7.6e-6 of the residual, which is no larger than the light."""

@@ -109,3 +109,15 @@ def test_a_mirror_is_seen_sharp(light, rng):
     error = np.abs(radiance([(KERNELS["mirror"], ONE)], light, local) / mirrored - 1)
     assert error.mean() < 0.01
     assert error.max() < 0.1
+
+
+def test_parts_add_up_to_the_whole(light, rng):
+    """A lobe taken alone is its share of all of them, to rounding."""
+    lobes = [(KERNELS["matte"], 0.3 * ONE), (KERNELS["narrow"], 0.1 * ONE), (KERNELS["coated"], 0.5 * ONE)]
+    n, frame = disk_normals(rng, 500, 1.0), mi.Matrix3f(FRAME.astype(np.float32))
+    found = []
+    for part in (None, *(kernel for kernel, _ in lobes)):
+        made = PrefilteredLobes.of(lobes, *light, N, part)
+        found.append(to_numpy(made.radiance(vector(n), frame, made.gathered(frame), mi.Float(2 / N))))
+    assert np.abs(sum(found[1:]) - found[0]).max() < 1e-5 * found[0].max()
+    assert min(part.max() for part in found[1:]) > 0.05 * found[0].max()
