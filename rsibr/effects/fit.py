@@ -26,8 +26,8 @@ WIDEST_GAP = 1.9
 """Ratio of neighbouring roughnesses beyond which two fitted lobes are two, not one that the dictionary straddles."""
 
 MOST_GLOSSY = 2
-"""Fitted glossy lobes at most: a coat and what lies under it. Each costs a layer in every map. Of components that are told
-apart each has one at least."""
+"""Fitted glossy lobes at most: a coat and what lies under it. Each costs a layer in every map. Components that are told
+apart have one each at least."""
 
 ALL_BUT_MATTE = 0.35, 0.05
 """Roughness from which on a fitted lobe joins the matte one, and share of the energy up to which it does: it mends the
