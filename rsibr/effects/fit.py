@@ -26,7 +26,8 @@ WIDEST_GAP = 1.9
 """Ratio of neighbouring roughnesses beyond which two fitted lobes are two, not one that the dictionary straddles."""
 
 MOST_GLOSSY = 2
-"""Glossy lobes at most: a coat and what lies under it. Each costs a layer in every map."""
+"""Fitted glossy lobes at most: a coat and what lies under it. Each costs a layer in every map. Components that are told
+apart have one each at least."""
 
 ALL_BUT_MATTE = 0.35, 0.05
 """Roughness from which on a fitted lobe joins the matte one, and share of the energy up to which it does: it mends the
@@ -70,7 +71,7 @@ class ProxyLobe:
 
 
 def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
-    """Fit a BRDF by a few lobes, matte first, then by roughness.
+    """Fit a BRDF by a few lobes, widest first.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
         for component, is_matte in zip(components, matte, strict=True)
         for lobe in _fitted(reflected(bsdf, wi, wo, component), (LAMBERT,) if is_matte else glossy, most)
     ]
-    return sorted(lobes, key=lambda lobe: lobe.alpha)
+    return sorted(lobes, key=lambda lobe: (not lobe.is_matte, -lobe.alpha))
 
 
 def _fitted(wanted: NDArray[np.float64], roughnesses: tuple[float, ...], most_glossy: int) -> list[ProxyLobe]:

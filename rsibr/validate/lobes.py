@@ -18,6 +18,7 @@ from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.store import Bake
 from rsibr.effects.lobes import LobeSplit
 from rsibr.errors import BakeError, InputError
+from rsibr.reconstruct.method import Method
 from rsibr.reconstruct.methods import MethodSet
 from rsibr.reconstruct.reconstruction import run
 from rsibr.scene.environment import Environment
@@ -41,7 +42,7 @@ class LobeError:
     Attributes
     ----------
     reference, image : ndarray, shape (H, W, 3)
-        Its radiance, and its part in the reconstruction.
+        Its radiance, and its part in the reconstruction: black where the plan left the lobe out of the bake.
     rel_mse : Estimate
         Mean of (a_k − b_k)²/(b² + ε) over texels and channels: the squared error of the lobe over the denominator of
         the whole map's relMSE, the reference's noise taken out. Those of all lobes need not add up to the whole's:
@@ -137,14 +138,14 @@ class LobeJudge:
     ) -> None:
         split = LobeSplit.of(material.bsdf())
         stored = [record.name for record in bake.manifest.lobes]
-        if split.names != stored:
+        if {*stored, *_left_out(bake)} != set(split.names):
             raise BakeError(
                 f"its lobes ({', '.join(stored)}) are not those of this version of rsibr ({', '.join(split.names)})",
                 where=str(bake.path),
                 fix="bake it again, or leave the lobes out (--no-lobes)",
             )
         self._integrator = SphereIntegrator(environment.emitter(), material.bsdf(), bake.resolution, split)
-        self._parts = {name: methods.prefiltered(lobe=name) for name in split.names}
+        self._parts = {name: methods.prefiltered(lobe=name) if name in stored else None for name in split.names}
         self._resolution = bake.resolution
         self._each, self._buffers = -(-samples // buffers), buffers
         self._seed = int(bake.config["sampling"]["seed"])
@@ -154,9 +155,13 @@ class LobeJudge:
         start = time.perf_counter()
         buffers = np.stack([self._buffer(frame, k) for k in range(self._buffers)])
         seconds = time.perf_counter() - start
-        images = [run(part, frame, self._resolution).image for part in self._parts.values()]
-        errors = self._errors(images, buffers)
+        errors = self._errors([self._image(part, frame) for part in self._parts.values()], buffers)
         return ViewLobes(errors, self._each * self._buffers, self._buffers, seconds)
+
+    def _image(self, part: Method | None, frame: NDArray[np.float64]) -> NDArray[np.float32]:
+        if part is None:
+            return np.zeros((self._resolution, self._resolution, 3), dtype=np.float32)
+        return run(part, frame, self._resolution).image
 
     def _buffer(self, frame: NDArray[np.float64], number: int) -> NDArray[np.float32]:
         view = (frame[:, 2] + 0.0).view(np.uint32)  # + 0.0: −0 and 0 are one direction
@@ -200,11 +205,16 @@ def has_lobes(bake: Bake, methods: Sequence[str], wanted: bool | None) -> bool:
     InputError
         If they are wanted, and there are none to tell apart.
     """
-    count = len(bake.manifest.lobes)
+    count = len(bake.manifest.lobes) and len(bake.manifest.lobes) + len(_left_out(bake))
     if wanted and count < 2:
         what = "only one lobe" if count else "no lobes kept apart"
         raise InputError(f"{bake.path} has {what}", where="--lobes", fix="leave --lobes out")
     return METHOD in methods and count > 1 if wanted is None else wanted
+
+
+def _left_out(bake: Bake) -> Sequence[str]:
+    """Lobes that the plan of the bake left out."""
+    return bake.manifest.plan.left_out if bake.manifest.plan else ()
 
 
 def lobe_errors(parts: NDArray[np.floating], buffers: NDArray[np.floating]) -> list[Estimate]:

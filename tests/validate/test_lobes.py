@@ -135,3 +135,17 @@ def test_lobes_of_another_version_are_refused(baked, scene):
     old = replace(baked, manifest=baked.manifest.model_copy(update={"lobes": renamed}))
     with pytest.raises(BakeError, match="Bake it again"):
         LobeJudge(old, *scene, MethodSet(baked), samples=64, buffers=8)
+
+
+def test_a_lobe_that_the_plan_left_out_is_wrong_by_all_of_it(config, tmp_path):
+    less = config.model_copy(
+        update={"effects": config.effects.model_copy(update={"clear_coat": "off", "glossy": "off"})}
+    )
+    baked = bake(less, out=tmp_path / "dull.rsibr")
+    assert [record.name for record in baked.manifest.lobes] == ["diffuse"]
+    found = validate(baked, views=[VIEW], methods=["rsibr"], samples=256).views[0].lobes
+    (missing,) = set(found.errors) - {"diffuse"}
+    assert found.worst == missing
+    assert not found.errors[missing].image.any()
+    assert found.errors[missing].light > 0.05
+    assert found.errors["diffuse"].rel_mse.value < 0.01 * found.errors[missing].rel_mse.value
