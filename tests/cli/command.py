@@ -21,6 +21,8 @@ preset = "matte-lambert"
 resolution = 8
 [sampling]
 samples = 16
+[effects]
+view_dependence = "on"
 """
 
 

@@ -18,7 +18,7 @@ SWITCHES = (
 
 
 def test_the_table_says_what_is_on_and_why(shell, config):
-    ended = shell("plan", config)
+    ended = shell("plan", config, "--set", "effects.view_dependence=auto")
     assert ended.code == 0, ended.stderr
     lines = {line.split()[0]: line for line in ended.stdout.splitlines() if line.split()}
     assert " on " in lines["diffuse"]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rsibr.geometry.octahedral import texel_directions, texel_solid_angles
-from rsibr.reconstruct.light_stack import LightStack
+from rsibr.reconstruct.light_stack import _IRRADIANCE, LightStack
 from tests.arrays import to_numpy, unit_vectors, vector
 
 R = 128
@@ -107,7 +107,7 @@ def test_irradiance_of_a_gradient_has_its_closed_form(kind, weights, rng):
     def error(n):
         return np.abs(irradiance(stack, n)[:, 0] - 1 - RATIO[kind] * n @ (0.9 * AXIS))
 
-    assert error(to_numpy(texel_directions(48)).T).max() < 1e-3
+    assert error(to_numpy(texel_directions(_IRRADIANCE)).T).max() < 1e-3
     between = error(np.concatenate([unit_vectors(rng, 2000), np.eye(3), -np.eye(3)]))
     assert between.mean() < 1.5e-3
     assert between.max() < 0.02  # where the map is folded
@@ -134,6 +134,6 @@ def test_a_small_sun_lights_a_matte_surface_from_its_own_place():
     light[100, 37] = 1.0
     sun = to_numpy(texel_directions(256)).T[100 * 256 + 37]
     stack = LightStack.irradiance(light, BARE)
-    n = to_numpy(texel_directions(48)).T
+    n = to_numpy(texel_directions(_IRRADIANCE)).T
     exact = np.maximum(n @ sun, 0) * texel_solid_angles(256)[100 * 256 + 37] / np.pi
     assert np.abs(irradiance(stack, n)[:, 0] - exact).max() < 3e-3 * exact.max()
