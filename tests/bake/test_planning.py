@@ -136,7 +136,7 @@ def test_the_manifest_holds_the_plan_with_what_the_bake_cost(config):
 def test_what_has_a_closed_form_is_baked_from_one_view_and_equals_the_maps_all_around(config, bsdf, light):
     """The light alone against the maps of four other views, whose noise is known: a false alarm in 1e4 a channel.
 
-    The closed form is allowed 2 % of a texel on top, five texels in a hundred excepted: those of the rim of so small a map.
+    The closed form is allowed 2 % of a texel on top, five texels in a hundred excepted: those of the rim.
     """
     path = config(bsdf, light)
     one, all_around = baked(path, "one"), baked(path, "all", ALL_AROUND)
