@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from difflib import get_close_matches
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -137,13 +137,19 @@ class MethodSet:
         """
         kernels, stack, light = self._kernels(), self._stack, self._bake.light
         lobes, part = list(kernels.values()), None if lobe is None else kernels[lobe][0]
+
+        @cache
+        def by_itself() -> Method:
+            shared = lobe is None and uses_maps is None
+            return self["rsibr-fine"] if shared else self.fine(uses_maps=uses_maps, lobe=lobe)
+
         return self._with_residuals(
             PrefilteredMethod,
             "rsibr",
             lobe,
             uses_maps,
             prefilter=lambda resolution: PrefilteredLobes.of(lobes, stack, light, resolution, part),
-            by_itself=lambda: self["rsibr-fine"] if lobe is None else self.fine(uses_maps=uses_maps, lobe=lobe),
+            by_itself=by_itself,
         )
 
     def _with_residuals(
