@@ -50,7 +50,7 @@ def of_even_light(names, n):
 
 @pytest.mark.parametrize("names", [["mirror"], ["metal"], ["coated"], ["matte"], ["matte", "mirror", "coated"]])
 def test_an_even_light_is_reflected_as_the_albedo_says(names, rng):
-    """At every angle up to the rim: no light is lost between levels, matte lobes, and what little of a metal is sharp."""
+    """At every angle up to the rim: no light is lost between levels, matte lobes and a metal's sharp part."""
     n = np.concatenate([disk_normals(rng, 1000, 1.0), [[0, 0, 1], [1, 0, 0], [0.6, -0.8, 0]]])
     assert np.abs(of_even_light(names, n) - 1).max() < 2e-4
 
