@@ -8,8 +8,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
+from rsibr.effects.low_discrepancy import sobol
 from rsibr.effects.probe import interaction
 from rsibr.geometry.resident import resident
 
@@ -75,7 +75,7 @@ def _shared_out(bsdf: mi.BSDF, split: Sharing, wo: mi.Vector3f, wi: mi.Vector3f)
 
 def _low_discrepancy() -> mi.Float:
     """The same points of the unit square at every angle: what error they leave varies smoothly with it."""
-    return resident(mi.Float, qmc.Sobol(2, scramble=True, seed=11).random(_POINTS).astype(np.float32))
+    return resident(mi.Float, sobol(2, _POINTS, seed=11).astype(np.float32))
 
 
 def mirror_albedo(bsdf: mi.BSDF) -> NDArray[np.float64]:

@@ -10,9 +10,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
-from scipy.stats import qmc
 
 from rsibr.effects.components import LEAST_SHARE, told_apart
+from rsibr.effects.low_discrepancy import sobol
 from rsibr.effects.probe import reflected
 from rsibr.effects.proxy import LAMBERT, lobe_values
 
@@ -177,7 +177,7 @@ def _columns(wi: NDArray[np.float64], wo: NDArray[np.float64], alpha: float) -> 
 @cache
 def _directions() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Pairs of directions, and the density [sr⁻¹] of the light directions, summed over the ways to draw them."""
-    u = qmc.Sobol(2, scramble=True, seed=7).random(_DRAWS)
+    u = sobol(2, _DRAWS, seed=7)
     wi, wo = [], []
     for cosine in COSINES_OUT:
         out = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])

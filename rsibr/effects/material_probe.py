@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from rsibr.effects.albedo import node_cosines
 from rsibr.effects.lobes import Lobe, LobeSplit
+from rsibr.effects.low_discrepancy import sobol
 from rsibr.effects.probe import interaction, retro_ratio
 
 COSINES = (0.95, 0.75, 0.5, 0.25)
@@ -163,7 +163,7 @@ class _Draws:
     @classmethod
     def of(cls, bsdf: mi.BSDF) -> _Draws:
         """Draw the directions, and evaluate all sets in one kernel."""
-        u = qmc.Sobol(5, scramble=True, seed=_SEED).random(_DRAWS * len(COSINES)).astype(np.float32)
+        u = sobol(5, _DRAWS * len(COSINES), seed=_SEED).astype(np.float32)
         cosine = np.repeat(COSINES, _DRAWS)
         wo = np.stack([np.sqrt(1 - cosine**2), np.zeros_like(cosine), cosine], axis=1)
         sample, _ = bsdf.sample(_smooth_only(), interaction(_device(wo)), mi.Float(u[:, 0]), mi.Point2f(u[:, 1:3].T))
@@ -224,7 +224,7 @@ def _evaluate(
     turned = [(_turned(wi, angle), _turned(wo, angle)) for angle in (0.0, *TURNS, 0.0)]
     lights, views = (_device(np.concatenate(part)) for part in zip(*turned, strict=True))
     si = interaction(views)
-    place = qmc.Sobol(2, scramble=True, seed=_SEED).random(len(wi)).astype(np.float32)
+    place = sobol(2, len(wi), seed=_SEED).astype(np.float32)
     si.uv = mi.Point2f(np.concatenate([np.full((len(wi) * (len(turned) - 1), 2), 0.5, np.float32), place]).T)
     value, pdf = bsdf.eval_pdf(_smooth_only(), si, lights)
     flat = np.broadcast_to(np.array(value, dtype=np.float64).reshape(3, -1).T, (len(turned) * len(wi), 3))
