@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.bake.integrator import SphereIntegrator
 from rsibr.effects.lobes import LobeSplit
 from rsibr.reconstruct.method import Method
 from rsibr.reconstruct.reconstruction import run
@@ -16,12 +15,10 @@ from rsibr.study.scene import Scene
 from rsibr.study.truth import Arrays, TruthStore
 from rsibr.validate.estimate import Estimate
 from rsibr.validate.estimate_document import EstimateModel
+from rsibr.validate.lobe_reference import LobeReference
 from rsibr.validate.lobes import lobe_errors
 from rsibr.validate.metrics import COVERED
 from rsibr.validate.reference import MINIMUM_BUFFERS, Reference
-
-_LOBE_BRANCH = 0x6C6F_6265
-"""Branch of the seed tree (the letters "lobe")."""
 
 
 def lobe_key(scene: Scene, frame: NDArray[np.float64], samples: int) -> dict[str, object]:
@@ -30,10 +27,7 @@ def lobe_key(scene: Scene, frame: NDArray[np.float64], samples: int) -> dict[str
 
 
 def lobe_truth(scene: Scene, frame: NDArray[np.float64], samples: int, store: TruthStore) -> Arrays:
-    """Radiance of each lobe from a judged view, as the bake would render it there, in independent buffers.
-
-    A path tracer cannot tell the lobes apart, so that this truth shares the bake's integrator and its split of the
-    material: what it judges is the warp. No random number is shared.
+    """Radiance of each lobe from a judged view, in independent buffers; see `rsibr.validate.lobe_reference`.
 
     Returns
     -------
@@ -42,17 +36,16 @@ def lobe_truth(scene: Scene, frame: NDArray[np.float64], samples: int, store: Tr
     """
 
     def make() -> tuple[Arrays, dict[str, object]]:
-        bsdf = scene.material.bsdf()
-        integrator = SphereIntegrator(scene.environment.emitter(), bsdf, scene.resolution, LobeSplit.of(bsdf))
-        each = -(-samples // MINIMUM_BUFFERS)
-        view = (frame[:, 2] + 0.0).view(np.uint32)  # + 0.0: −0 and 0 are one direction
-        branches = [(_LOBE_BRANCH, *(int(word) for word in view), block) for block in range(MINIMUM_BUFFERS)]
-        seeds = [np.random.SeedSequence(scene.seed, spawn_key=branch) for branch in branches]
-        blocks = [integrator.block(frame, each, seed) for seed in seeds]
-        return {
-            name: np.stack([integrator.image(block[:, k]) for block in blocks])
-            for k, name in enumerate(integrator.lobe_names)
-        }, {}
+        split = LobeSplit.of(scene.material.bsdf())
+        truth = LobeReference(
+            scene.environment, scene.material, scene.resolution, split,
+            samples=samples, buffers=MINIMUM_BUFFERS, seed=scene.seed,
+        )  # fmt: skip
+        buffers = truth.buffers(frame)
+        images = {
+            name: np.stack([truth.image(values) for values in buffers[:, :, k]]) for k, name in enumerate(truth.names)
+        }
+        return images, {}
 
     return store.get(lobe_key(scene, frame, samples), make)[0]
 

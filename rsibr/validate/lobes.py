@@ -1,9 +1,4 @@
-"""Which lobe a reconstruction gets wrong: the part of each in a map of `rsibr`, against a lobe-resolved reference.
-
-A path tracer cannot say which lobe light came from. The reference of the lobes is the bake's own integrator with its
-own split, at the new view and on a branch of the seed tree of its own: it shows how well each lobe was carried there
-from the stored views. An error of the integrator itself shows only against the path-traced reference of the whole.
-"""
+"""Which lobe a reconstruction gets wrong: the part of each in a map of `rsibr`, against the truth of each lobe."""
 
 from __future__ import annotations
 
@@ -14,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.store import Bake
 from rsibr.effects.lobes import LobeSplit
 from rsibr.errors import BakeError, InputError
@@ -24,13 +18,11 @@ from rsibr.reconstruct.reconstruction import run
 from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material
 from rsibr.validate.estimate import Estimate, jackknife, mean_estimate
+from rsibr.validate.lobe_reference import LobeReference
 from rsibr.validate.metrics import COVERED, denominator
 
 METHOD = "rsibr"
 """The method whose lobes are judged."""
-
-_LOBE_BRANCH = 0x6C6F_6265
-"""Branch of the seed tree (the letters "lobe"): the references share no samples with the bake."""
 
 Array = NDArray[np.float64]
 
@@ -144,33 +136,29 @@ class LobeJudge:
                 where=str(bake.path),
                 fix="bake it again, or leave the lobes out (--no-lobes)",
             )
-        self._integrator = SphereIntegrator(environment.emitter(), material.bsdf(), bake.resolution, split)
+        self._reference = LobeReference(
+            environment, material, bake.resolution, split,
+            samples=samples, buffers=buffers, seed=int(bake.config["sampling"]["seed"]),
+        )  # fmt: skip
         self._parts = {name: methods.prefiltered(lobe=name) if name in stored else None for name in split.names}
         self._resolution = bake.resolution
-        self._each, self._buffers = -(-samples // buffers), buffers
-        self._seed = int(bake.config["sampling"]["seed"])
 
     def at(self, frame: NDArray[np.float64]) -> ViewLobes:
         """Reconstruct each lobe at the view of `frame`, columns x, y, v, and hold it against its reference."""
         start = time.perf_counter()
-        buffers = np.stack([self._buffer(frame, k) for k in range(self._buffers)])
+        buffers = self._reference.buffers(frame)
         seconds = time.perf_counter() - start
         errors = self._errors([self._image(part, frame) for part in self._parts.values()], buffers)
-        return ViewLobes(errors, self._each * self._buffers, self._buffers, seconds)
+        return ViewLobes(errors, self._reference.samples, len(buffers), seconds)
 
     def _image(self, part: Method | None, frame: NDArray[np.float64]) -> NDArray[np.float32]:
         if part is None:
             return np.zeros((self._resolution, self._resolution, 3), dtype=np.float32)
         return run(part, frame, self._resolution).image
 
-    def _buffer(self, frame: NDArray[np.float64], number: int) -> NDArray[np.float32]:
-        view = (frame[:, 2] + 0.0).view(np.uint32)  # + 0.0: −0 and 0 are one direction
-        seeds = np.random.SeedSequence(self._seed, spawn_key=(_LOBE_BRANCH, *map(int, view), number))
-        return self._integrator.block(frame, self._each, seeds)
-
     def _errors(self, images: list[NDArray[np.float32]], buffers: NDArray[np.float32]) -> dict[str, LobeError]:
         """Errors of the lobes from their maps, and their buffers of shape (K, covered texels, lobes, 3)."""
-        coverage = self._integrator.coverage
+        coverage = self._reference.coverage
         covered, judged = coverage > 0, coverage >= COVERED
         kept = judged[covered]
         parts, mean = np.stack([image[judged] for image in images], axis=1), buffers.mean(axis=0, dtype=np.float64)
@@ -182,7 +170,7 @@ class LobeJudge:
         for k, name in enumerate(self._parts):
             picture = np.full(coverage.shape, np.nan, dtype=np.float32)
             picture[judged] = np.sqrt(squared[:, k])
-            reference = self._integrator.image(mean[:, k].astype(np.float32))
+            reference = self._reference.image(mean[:, k].astype(np.float32))
             share = float(light[k] / light.sum()) if light.sum() > 0 else 0.0
             found[name] = LobeError(reference, images[k], estimates[k], share, picture)
         return found
