@@ -106,17 +106,19 @@ def bake(
         If the machine has no usable backend, or the disk is full.
     """
     settings = config if isinstance(config, Config) else load_config(Path(config), overrides)
-    variant = backend.use()
+    backend.use()
     environment, material = load_environment(settings.environment), load_material(settings.material)
     plan, probed = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples)[0])
     asked, settings = settings.map.resolution, planned_settings(settings, plan)
     all_around = load_viewpoints(settings.views)
     viewpoints = planned_viewpoints(all_around, settings, plan)
     split = None if settings.effects.lobes == "off" else probed
-    manifest = plan_manifest(settings, environment, material, split, viewpoints, variant, plan)
-    with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer:
+    with backend.rendering(plan.rendering) as variant:
+        manifest = plan_manifest(settings, environment, material, split, viewpoints, variant, plan)
+    with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer, backend.rendering(plan.rendering):
         if not writer.has_light:
-            writer.commit_light(light_map(environment.emitter(), environment.width))
+            with backend.rendering("rgb" if environment.width else plan.rendering):  # an image is RGB from the start
+                writer.commit_light(light_map(environment.emitter(), environment.width))
         _bake_views(writer, settings, environment, material, split, viewpoints.directions, plan, on_progress)
         writer.record_plan(priced(plan, baked_costs(writer.manifest, len(all_around)), asked))
     return open_bake(Path(out))

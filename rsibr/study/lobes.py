@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr import backend
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.effects.lobes import LobeSplit
 from rsibr.reconstruct.method import Method
@@ -42,8 +43,10 @@ def lobe_truth(scene: Scene, frame: NDArray[np.float64], samples: int, store: Tr
     """
 
     def make() -> tuple[Arrays, dict[str, object]]:
-        bsdf = scene.material.bsdf()
-        integrator = SphereIntegrator(scene.environment.emitter(), bsdf, scene.resolution, LobeSplit.of(bsdf))
+        split = LobeSplit.of(scene.material.bsdf())
+        with backend.rendering(scene.rendering):
+            parts = scene.environment.emitter(), scene.material.bsdf()
+            integrator = SphereIntegrator(*parts, scene.resolution, split)
         each = -(-samples // MINIMUM_BUFFERS)
         view = (frame[:, 2] + 0.0).view(np.uint32)  # + 0.0: −0 and 0 are one direction
         branches = [(_LOBE_BRANCH, *(int(word) for word in view), block) for block in range(MINIMUM_BUFFERS)]

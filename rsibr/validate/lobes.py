@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr import backend
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.store import Bake
 from rsibr.effects.lobes import LobeSplit
@@ -144,7 +145,8 @@ class LobeJudge:
                 where=str(bake.path),
                 fix="bake it again, or leave the lobes out (--no-lobes)",
             )
-        self._integrator = SphereIntegrator(environment.emitter(), material.bsdf(), bake.resolution, split)
+        with backend.rendering(bake.rendering):
+            self._integrator = SphereIntegrator(environment.emitter(), material.bsdf(), bake.resolution, split)
         self._parts = {name: methods.prefiltered(lobe=name) if name in stored else None for name in split.names}
         self._resolution = bake.resolution
         self._each, self._buffers = -(-samples // buffers), buffers

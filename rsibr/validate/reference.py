@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr import backend
+from rsibr.backend import Rendering
 from rsibr.errors import InputError
 
 MINIMUM_BUFFERS = 8
@@ -98,13 +99,18 @@ class ReferenceRenderer:
         Has `bsdf()`: a `Material`.
     resolution : int
         Texels a side.
+    rendering : {"rgb", "spectral", "spectral_polarized"}
+        What Mitsuba carries along its paths. Its film turns spectra into linear RGB by itself.
     """
 
-    def __init__(self, environment: Emitting, material: Reflecting, resolution: int) -> None:
-        backend.use()
+    def __init__(
+        self, environment: Emitting, material: Reflecting, resolution: int, rendering: Rendering = "rgb"
+    ) -> None:
         self.resolution = resolution
-        self._scene = mi.load_dict(_scene(environment, material, resolution))
-        self._parameters = mi.traverse(self._scene)
+        self._rendering = rendering
+        with backend.rendering(rendering):
+            self._scene = mi.load_dict(_scene(environment, material, resolution))
+            self._parameters = mi.traverse(self._scene)
         self._compiled: set[int] = set()
 
     def render(self, frame: ArrayLike, samples: int, seed: int = 0, buffers: int = MINIMUM_BUFFERS) -> Reference:
@@ -148,9 +154,10 @@ class ReferenceRenderer:
     def _look_along(self, frame: NDArray[np.float64]) -> None:
         """Turn the camera; its transform is an opaque value of the kernel, so nothing is compiled anew."""
         key = "sensor.to_world"
-        self._parameters[key] = mi.AffineTransform4f(_camera_to_world(frame))
-        dr.make_opaque(self._parameters[key])
-        self._parameters.update()
+        with backend.rendering(self._rendering):
+            self._parameters[key] = mi.AffineTransform4f(_camera_to_world(frame))
+            dr.make_opaque(self._parameters[key])
+            self._parameters.update()
 
     def _warm_up(self, spp: int) -> float:
         """Compile the kernel for passes of `spp` samples unless that has happened; return what it took."""
@@ -170,7 +177,8 @@ class ReferenceRenderer:
 
     def _film(self, seed: int, spp: int) -> NDArray[np.float32]:
         """Colour, premultiplied, and alpha of one launch; shape (N, N, 4)."""
-        return np.asarray(mi.render(self._scene, seed=seed, spp=spp).numpy())
+        with backend.rendering(self._rendering):
+            return np.asarray(mi.render(self._scene, seed=seed, spp=spp).numpy())
 
 
 def render_reference(
@@ -182,12 +190,13 @@ def render_reference(
     *,
     seed: int = 0,
     buffers: int = MINIMUM_BUFFERS,
+    rendering: Rendering = "rgb",
 ) -> Reference:
     """Path-trace the sphere map of a single view; for more than one, keep a `ReferenceRenderer`.
 
     Parameters
     ----------
-    environment, material, resolution
+    environment, material, resolution, rendering
         As in `ReferenceRenderer`.
     frame, samples, seed, buffers
         As in `ReferenceRenderer.render`.
@@ -196,7 +205,7 @@ def render_reference(
     -------
     Reference
     """
-    return ReferenceRenderer(environment, material, resolution).render(frame, samples, seed, buffers)
+    return ReferenceRenderer(environment, material, resolution, rendering).render(frame, samples, seed, buffers)
 
 
 def _scene(environment: Emitting, material: Reflecting, resolution: int) -> dict[str, Any]:
