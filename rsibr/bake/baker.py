@@ -25,6 +25,7 @@ from rsibr.bake.planning import (
     scope_of,
 )
 from rsibr.bake.store import Bake, BakeWriter, open_bake
+from rsibr.effects.adaptation import adapted_lobes
 from rsibr.effects.light import light_map
 from rsibr.effects.lobes import Lobe, LobeSplit
 from rsibr.effects.plan import Plan
@@ -113,8 +114,9 @@ def bake(
     all_around = load_viewpoints(settings.views)
     viewpoints = planned_viewpoints(all_around, settings, plan)
     split = None if settings.effects.lobes == "off" else probed
+    lobes = adapted_lobes(split, environment, material, plan.rendering) if split else ()
     with backend.rendering(plan.rendering) as variant:
-        manifest = plan_manifest(settings, environment, material, split, viewpoints, variant, plan)
+        manifest = plan_manifest(settings, environment, material, lobes, viewpoints, variant, plan)
     with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer, backend.rendering(plan.rendering):
         if not writer.has_light:
             with backend.rendering("rgb" if environment.width else plan.rendering):  # an image is RGB from the start
@@ -128,7 +130,7 @@ def plan_manifest(
     config: Config,
     environment: Environment,
     material: Material,
-    split: LobeSplit | None,
+    kept_apart: Sequence[Lobe],
     viewpoints: Viewpoints,
     variant: str,
     plan: Plan,
@@ -150,7 +152,7 @@ def plan_manifest(
         variant=variant,
         environment=EnvironmentRecord(name=environment.name, clipped=environment.clipped, lowest=environment.lowest),
         material=MaterialRecord(name=material.name, warp=material.warp, notes=_notes(material, plan)),
-        lobes=tuple(_lobe_record(lobe) for lobe in planned_lobes(split, plan)),
+        lobes=tuple(_lobe_record(lobe) for lobe in planned_lobes(kept_apart, plan)),
         resolution=config.map.resolution,
         directions=viewpoints.directions,
         triangles=viewpoints.triangles,

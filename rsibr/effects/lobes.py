@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from rsibr.effects.albedo import albedo_tables, mirror_albedo
 from rsibr.effects.components import component_shares
 from rsibr.effects.fit import ProxyLobe, fit_lobes
+from rsibr.effects.probe import interaction
 from rsibr.effects.proxy import LAMBERT, lobe_values
 from rsibr.effects.wavelengths import Wavelengths
 
@@ -101,7 +102,7 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
     @cached_property
     def lobes(self) -> list[Lobe]:
         """The lobes with their albedos, which take a second or two."""
-        tables = albedo_tables(self._bsdf, self) if self._proxies else []
+        tables = albedo_tables(self) if self._proxies else []
         smooth = zip(self.names, self._proxies, tables, strict=False)
         lobes = [Lobe(name, proxy.alpha, table, proxy) for name, proxy, table in smooth]
         return [*lobes, Lobe(self.names[-1], MIRROR, mirror_albedo(self._bsdf))] if self._has_mirror else lobes
@@ -142,6 +143,11 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
             for member, part in zip(members, self._parts(members, wi, wo), strict=True):
                 found[member] = dr.select(seen == 0, 0, seen * part)
         return [*found, wavelengths.seen(dr.select(is_delta, radiance, 0))] if self._has_mirror else found
+
+    def parts(self, wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
+        """BRDF times cosine [sr⁻¹] of each lobe that is no delta, in RGB rendering; see `shares`."""
+        value = self._bsdf.eval(mi.BSDFContext(), interaction(wo), wi)
+        return [value * share for share in self.shares(wi, wo)]
 
     def shares(self, wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
         """Share ω_k of each lobe, in RGB rendering.

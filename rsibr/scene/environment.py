@@ -70,12 +70,17 @@ class Environment:
         """Columns of the map; 0 for an emitter that is none."""
         return 0 if self.image is None else self.image.shape[1]
 
+    @property
+    def is_black(self) -> bool:
+        """Whether it is a map without any light."""
+        return self.image is not None and not self.image.any()
+
     def emitter(self) -> dict[str, Any]:
         """Return the emitter as a dict for `mi.load_dict`, to be nested in a scene.
 
         An image without light becomes a `constant` emitter of radiance 0: Mitsuba's density of a black envmap is NaN.
         """
-        if self.image is not None and not self.image.any():
+        if self.is_black:
             return {"type": "constant", "radiance": 0.0}
         emitter = dict(self.plugin)
         if "to_world" in emitter:
