@@ -26,7 +26,7 @@ from rsibr.bake.planning import (
 )
 from rsibr.bake.store import Bake, BakeWriter, open_bake
 from rsibr.effects.adaptation import adapted_lobes
-from rsibr.effects.light import light_map
+from rsibr.effects.light import DELTA_RESOLUTION, RESOLUTION, light_map
 from rsibr.effects.lobes import Lobe, LobeSplit
 from rsibr.effects.plan import Plan
 from rsibr.effects.plan_costs import priced
@@ -120,7 +120,8 @@ def bake(
     with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer, backend.rendering(plan.rendering):
         if not writer.has_light:
             with backend.rendering("rgb" if environment.width else plan.rendering):  # an image is RGB from the start
-                writer.commit_light(light_map(environment.emitter(), environment.width))
+                resolution = DELTA_RESOLUTION if any(lobe.is_mirror for lobe in lobes) else RESOLUTION
+                writer.commit_light(light_map(environment.emitter(), environment.width, resolution))
         _bake_views(writer, settings, environment, material, split, viewpoints.directions, plan, on_progress)
         writer.record_plan(priced(plan, baked_costs(writer.manifest, len(all_around)), asked))
     return open_bake(Path(out))

@@ -16,6 +16,9 @@ from rsibr.geometry.octahedral import texel_directions
 RESOLUTION = 512
 """Texels a side: 0.4° each, as fine as an environment map of 1024 × 512."""
 
+DELTA_RESOLUTION = 1024
+"""Texels a side for a material with a delta lobe, which blurs nothing."""
+
 _WAVELENGTHS = 64
 """Points of the sum over wavelengths, four wavelengths each: 2 nm apart."""
 
