@@ -39,22 +39,31 @@ class ColourEffects:
     Attributes
     ----------
     spectral, polarisation : Effect
+    one_spectrum : bool
+        Whether the light is the same from everywhere, so that a lobe has one colour under it.
     """
 
     spectral: Effect
     polarisation: Effect
+    one_spectrum: bool
 
     @classmethod
     def of(cls, config: Config) -> ColourEffects:
         """Decide by what the config gives: its spectra, its polarising parts, its switches."""
         material, emitter = _given(config)
         polarisation = polarisation_effect(material, config.effects)
-        return cls(spectral_effect(material, emitter, config.effects, polarisation.on), polarisation)
+        spectral = spectral_effect(material, emitter, config.effects, polarisation.on)
+        return cls(spectral, polarisation, (emitter or {}).get("type") == "constant")
 
     @property
     def rendering(self) -> Rendering:
         """Which variants of Mitsuba carry it out."""
         return rendering_of((self.spectral, self.polarisation))
+
+    @property
+    def breaks_closed_forms(self) -> bool:
+        """Whether products of RGB, as closed forms are, miss what is rendered: spectra that vary over the sky."""
+        return self.rendering != "rgb" and not self.one_spectrum
 
 
 def colour_effect(material: MaterialProbe, light: LightProbe, settings: EffectsConfig, spectral: bool) -> Effect:

@@ -72,7 +72,7 @@ def fresnel_effect(material: MaterialProbe, settings: EffectsConfig) -> Effect:
 
 
 def view_effect(
-    material: MaterialProbe, left_out: Weights, light: LightProbe, settings: EffectsConfig, in_spectra: bool = False
+    material: MaterialProbe, left_out: Weights, light: LightProbe, settings: EffectsConfig, no_closed_form: bool = False
 ) -> Effect:
     """Whether the look depends on the view at all, beyond what has a closed form."""
     residual = max(closed_form_error(lobe, left_out[lobe.name], light) for lobe in material.lobes)
@@ -81,13 +81,13 @@ def view_effect(
         "maps from several views are interpolated", _without_views(material, light),
         error_if_left_out=min(1.0, residual),
     )  # fmt: skip
-    if in_spectra and not effect.on and effect.forced is None:
+    if no_closed_form and not effect.on and effect.forced is None:
         return replace(effect, on=True, why=IN_SPECTRA, error_if_left_out=None)
     return effect
 
 
 def lobe_maps(
-    lobe: LobeProbe, left_out: float, light: LightProbe, forced: str = "auto", in_spectra: bool = False
+    lobe: LobeProbe, left_out: float, light: LightProbe, forced: str = "auto", no_closed_form: bool = False
 ) -> LobePlan:
     """Decide whether a lobe needs maps, and from how many views: the one place where that is decided.
 
@@ -101,8 +101,8 @@ def lobe_maps(
         The environment.
     forced : {"auto", "on", "off"}
         `effects.view_dependence`: whether maps from several views are insisted on, or ruled out.
-    in_spectra : bool
-        Whether maps are rendered in spectra: closed forms multiply RGB, and do not serve.
+    no_closed_form : bool
+        Whether maps are rendered in spectra that vary over the sky: closed forms are products of RGB, and do not serve.
 
     Returns
     -------
@@ -115,8 +115,8 @@ def lobe_maps(
     as far as it has Lambert's shape. Of these the error is estimated, and maps are needed where it is not negligible.
     """
     error = closed_form_error(lobe, left_out, light)
-    needed = error > NEGLIGIBLE or in_spectra if forced == "auto" else forced == "on"
-    if needed and error <= NEGLIGIBLE and in_spectra:
+    needed = error > NEGLIGIBLE or no_closed_form if forced == "auto" else forced == "on"
+    if needed and error <= NEGLIGIBLE and no_closed_form:
         return LobePlan(lobe.name, True, VIEW_COUNTS[0], error, NEGLIGIBLE, IN_SPECTRA)
     if not needed:
         why = _closed_form(lobe, light) if error <= NEGLIGIBLE else "forced off: the nearest closed form stands in"

@@ -98,16 +98,15 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     asked = Resolution(config.map.resolution, "resolution" in config.map.model_fields_set)
     full, resolution = resolution_effect(probes.split.lobes, material.lobes, light, asked, settings)
     spectra = ColourEffects.of(config)
-    in_spectra = spectra.rendering != "rgb"
-    colour = colour_effect(material, light, settings, in_spectra)
+    colour = colour_effect(material, light, settings, spectra.rendering != "rgb")
     sampling = sampling_effect(light, material, sampling_ratio, settings, config.sampling)
-    of_material = _of_the_material(config, probes, left_out, in_spectra)
+    of_material = _of_the_material(config, probes, left_out, spectra.breaks_closed_forms)
     carried = (colour, spectra.spectral, spectra.polarisation)
     effects = unique([*of_material, *carried, sampling, full, *flag_effects(material), *use_effects()])
     kept, dropped = _kept(material, effects)
     return Plan(
         effects=effects,
-        lobes=tuple(lobe_maps(lobe, left_out[lobe.name], light, settings.view_dependence, in_spectra) for lobe in kept),
+        lobes=tuple(lobe_maps(lobe, left_out[lobe.name], light, settings.view_dependence, spectra.breaks_closed_forms) for lobe in kept),
         left_out=dropped,
         grey=not colour.on,
         light_samples=sampling.on,
@@ -119,8 +118,8 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     )
 
 
-def _of_the_material(config: Config, probes: Probes, left_out: Weights, in_spectra: bool) -> Iterator[Effect]:
-    yield view_effect(probes.material, left_out, probes.light, config.effects, in_spectra)
+def _of_the_material(config: Config, probes: Probes, left_out: Weights, no_closed_form: bool) -> Iterator[Effect]:
+    yield view_effect(probes.material, left_out, probes.light, config.effects, no_closed_form)
     yield from lobe_effects(probes.material, left_out, config.effects)
     yield fresnel_effect(probes.material, config.effects)
 

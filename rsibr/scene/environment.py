@@ -18,6 +18,7 @@ from rsibr.scene.config import EnvironmentConfig
 from rsibr.scene.latlong import LatLong, read_latlong
 from rsibr.scene.orientation import rotated
 from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files, require_files
+from rsibr.scene.spectra import in_every_variant
 from rsibr.scene.trial import require_survival
 
 _WHERE = "environment.emitter"
@@ -114,7 +115,7 @@ def load_environment(config: EnvironmentConfig) -> Environment:
         require_survival(config, _WHERE)
     plugin: dict[str, Any] = config.emitter or {"type": "envmap", "filename": str(config.file)}
     name = config.file.stem if config.file else str(plugin["type"])
-    plugin = rotated(plugin, config.rotation_deg, _WHERE)
+    plugin = in_every_variant(rotated(plugin, config.rotation_deg, _WHERE), _WHERE)
     build = _map if plugin["type"] == "envmap" else _plain
     environment = build(name, plugin, config.scale)
     _check_emitter(environment, str(config.file) if config.file else _WHERE)
