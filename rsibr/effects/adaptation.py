@@ -125,7 +125,9 @@ class _InSpectra:
         table = [resident(mi.Float, row.astype(np.float32)) for row in self.response]
 
         def body(place: mi.UInt32, total: list[mi.Color3f]) -> tuple[mi.UInt32, list[mi.Color3f]]:
-            fours = [mi.UnpolarizedSpectrum([dr.gather(mi.Float, row, 4 * place + k) for k in range(4)]) for row in table]
+            fours = [
+                mi.UnpolarizedSpectrum([dr.gather(mi.Float, row, 4 * place + k) for k in range(4)]) for row in table
+            ]
             found = seen(_Observed(fours[0], mi.UnpolarizedSpectrum(1), fours[1:]))
             return place + 1, [a + b for a, b in zip(total, found, strict=True)]
 

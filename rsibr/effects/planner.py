@@ -106,7 +106,10 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     kept, dropped = _kept(material, effects)
     return Plan(
         effects=effects,
-        lobes=tuple(lobe_maps(lobe, left_out[lobe.name], light, settings.view_dependence, spectra.breaks_closed_forms) for lobe in kept),
+        lobes=tuple(
+            lobe_maps(lobe, left_out[lobe.name], light, settings.view_dependence, spectra.breaks_closed_forms)
+            for lobe in kept
+        ),
         left_out=dropped,
         grey=not colour.on,
         light_samples=sampling.on,

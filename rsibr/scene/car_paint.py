@@ -73,7 +73,9 @@ class CarPaint:
     def parameters_changed(self, keys: list[str]) -> None:  # noqa: ARG002  # any of them enters every table
         """Solve the layers anew."""
         host = {name: np.array(value, dtype=np.float64).ravel() for name, value in self._parameters.items()}
-        given: dict[str, Any] = {f.name: host[f.name] for f in fields(PaintRecipe) if f.name in host and f.type == "Colour"}
+        given: dict[str, Any] = {
+            f.name: host[f.name] for f in fields(PaintRecipe) if f.name in host and f.type == "Colour"
+        }
         given |= {name: float(value[0]) for name, value in host.items() if name not in given}
         self._recipe = replace(self._recipe, **given)
         self._prepare(self._recipe)
@@ -198,9 +200,7 @@ class CarPaint:
         """BRDF of two and more reflections among flakes, from the table."""
         azimuth = dr.abs(dr.atan2(i.x * o.y - i.y * o.x, i.x * o.x + i.y * o.y))
         sines = [along(dr.minimum(dr.hypot(w.x, w.y) * self._eta, 1), SINE_NODES) for w in (i, o)]
-        return colours.between(
-            self._between_table.eval(mi.Point3f(*sines, along(azimuth * dr.inv_pi, AZIMUTH_NODES)))
-        )
+        return colours.between(self._between_table.eval(mi.Point3f(*sines, along(azimuth * dr.inv_pi, AZIMUTH_NODES))))
 
     def _shares(self, ctx: mi.BSDFContext, cosine: mi.Float) -> dict[int, mi.Float]:
         """Probability of each component that the context asks for: its share of the albedo."""

@@ -75,7 +75,7 @@ class Rates:
         with backend.rendering(self._scene.rendering):
             parts = self._scene.environment.emitter(), self._scene.material.bsdf()
             integrator = SphereIntegrator(*parts, _PROBE_RESOLUTION, split)
-        seconds = _seconds_of(lambda: integrator.block(self._frame, _PROBE_SAMPLES, self._seeds))
+            seconds = _seconds_of(lambda: integrator.block(self._frame, _PROBE_SAMPLES, self._seeds))
         return float(integrator.coverage.sum()) * _PROBE_SAMPLES / seconds
 
     @cached_property

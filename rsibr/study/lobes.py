@@ -51,7 +51,8 @@ def lobe_truth(scene: Scene, frame: NDArray[np.float64], samples: int, store: Tr
         view = (frame[:, 2] + 0.0).view(np.uint32)  # + 0.0: −0 and 0 are one direction
         branches = [(_LOBE_BRANCH, *(int(word) for word in view), block) for block in range(MINIMUM_BUFFERS)]
         seeds = [np.random.SeedSequence(scene.seed, spawn_key=branch) for branch in branches]
-        blocks = [integrator.block(frame, each, seed) for seed in seeds]
+        with backend.rendering(scene.rendering):
+            blocks = [integrator.block(frame, each, seed) for seed in seeds]
         return {
             name: np.stack([integrator.image(block[:, k]) for block in blocks])
             for k, name in enumerate(integrator.lobe_names)

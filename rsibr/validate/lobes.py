@@ -155,7 +155,8 @@ class LobeJudge:
     def at(self, frame: NDArray[np.float64]) -> ViewLobes:
         """Reconstruct each lobe at the view of `frame`, columns x, y, v, and hold it against its reference."""
         start = time.perf_counter()
-        buffers = np.stack([self._buffer(frame, k) for k in range(self._buffers)])
+        with backend.rendering(self._integrator.rendering):
+            buffers = np.stack([self._buffer(frame, k) for k in range(self._buffers)])
         seconds = time.perf_counter() - start
         errors = self._errors([self._image(part, frame) for part in self._parts.values()], buffers)
         return ViewLobes(errors, self._each * self._buffers, self._buffers, seconds)

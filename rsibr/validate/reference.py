@@ -107,7 +107,7 @@ class ReferenceRenderer:
         self, environment: Emitting, material: Reflecting, resolution: int, rendering: Rendering = "rgb"
     ) -> None:
         self.resolution = resolution
-        self._rendering = rendering
+        self.rendering = rendering
         with backend.rendering(rendering):
             self._scene = mi.load_dict(_scene(environment, material, resolution))
             self._parameters = mi.traverse(self._scene)
@@ -137,9 +137,13 @@ class ReferenceRenderer:
         InputError
             If there are fewer than 8 buffers, or fewer samples than buffers.
         """
-        frame = np.asarray(frame, dtype=np.float64)
         passes, spp = _passes(samples, buffers, self.resolution)
+        frame = np.asarray(frame, dtype=np.float64)
         seeds = _seeds(seed, frame, buffers * passes).reshape(buffers, passes)
+        with backend.rendering(self.rendering):
+            return self._rendered(frame, seeds, spp)
+
+    def _rendered(self, frame: NDArray[np.float64], seeds: NDArray[np.uint32], spp: int) -> Reference:
         self._look_along(frame)
         compile_seconds = self._warm_up(spp)
 
@@ -149,15 +153,14 @@ class ReferenceRenderer:
         seconds = time.perf_counter() - start
 
         radiance, coverage = _without_coverage(films)
-        return Reference(radiance, coverage, buffers * passes * spp, seconds, compile_seconds)
+        return Reference(radiance, coverage, seeds.size * spp, seconds, compile_seconds)
 
     def _look_along(self, frame: NDArray[np.float64]) -> None:
         """Turn the camera; its transform is an opaque value of the kernel, so nothing is compiled anew."""
         key = "sensor.to_world"
-        with backend.rendering(self._rendering):
-            self._parameters[key] = mi.AffineTransform4f(_camera_to_world(frame))
-            dr.make_opaque(self._parameters[key])
-            self._parameters.update()
+        self._parameters[key] = mi.AffineTransform4f(_camera_to_world(frame))
+        dr.make_opaque(self._parameters[key])
+        self._parameters.update()
 
     def _warm_up(self, spp: int) -> float:
         """Compile the kernel for passes of `spp` samples unless that has happened; return what it took."""
@@ -177,8 +180,7 @@ class ReferenceRenderer:
 
     def _film(self, seed: int, spp: int) -> NDArray[np.float32]:
         """Colour, premultiplied, and alpha of one launch; shape (N, N, 4)."""
-        with backend.rendering(self._rendering):
-            return np.asarray(mi.render(self._scene, seed=seed, spp=spp).numpy())
+        return np.asarray(mi.render(self._scene, seed=seed, spp=spp).numpy())
 
 
 def render_reference(

@@ -10,6 +10,7 @@ from rsibr.errors import InputError
 from rsibr.scene.config import EffectsConfig
 from tests.effects.metamers import DAYLIGHT, GRID, OBSERVER, light, lines, matte, metamers
 
+
 def xyz(illuminant, reflectance):
     """By hand: Σ S R x̄, over the luminance of white."""
     weighted = OBSERVER.values * illuminant[:, None]

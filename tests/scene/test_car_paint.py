@@ -20,7 +20,6 @@ from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
 from rsibr.scene.pigments import pigment_reflectance
 from tests.arrays import unit_vectors
-from tests.scene.goniophotometer import flat, layers, measure, sky
 
 RICH = {"flake_density": 3000.0, "flake_tint": 0.8, "retro_share": 0.3, "coat_alpha": 0.05}
 """A paint that has everything."""

@@ -48,12 +48,19 @@ def test_a_spectral_paint_is_a_paint_in_rgb_at_each_wavelength(kind, out):
 
 def test_a_grey_paint_is_grey_at_every_wavelength():
     found = value("spectral", {"pigment": 0.3, **COATED}, tilted(0.8), tilted(0.7, 3.0))
-    np.testing.assert_allclose(found, value("rgb", {"pigment": 0.3, **COATED}, tilted(0.8), tilted(0.7, 3.0))[0], rtol=1e-3)
+    np.testing.assert_allclose(
+        found, value("rgb", {"pigment": 0.3, **COATED}, tilted(0.8), tilted(0.7, 3.0))[0], rtol=1e-3
+    )
 
 
 def test_a_measured_pigment_is_its_spectrum():
-    measured = {"type": "spectrum", "value": list(zip(NODES.tolist(), pigment_spectrum("moderate red", NODES).tolist(), strict=True))}
-    by_name, by_value = (value("spectral", {"pigment": one}, tilted(0.8), tilted(0.4, 2.0)) for one in ("moderate red", measured))
+    measured = {
+        "type": "spectrum",
+        "value": list(zip(NODES.tolist(), pigment_spectrum("moderate red", NODES).tolist(), strict=True)),
+    }
+    by_name, by_value = (
+        value("spectral", {"pigment": one}, tilted(0.8), tilted(0.4, 2.0)) for one in ("moderate red", measured)
+    )
     np.testing.assert_allclose(by_name, by_value, rtol=1e-4)
     assert by_name[3] > 2 * by_name[0]  # red
 

@@ -69,15 +69,21 @@ def test_a_black_body_is_mitsubas(temperature):
         expected = np.array(mi.load_dict(light).eval(si)).ravel()
         found = np.array(mi.load_dict(in_every_variant(light, "here")).eval(si)).ravel()
     np.testing.assert_allclose(found, expected, rtol=1e-4)
-    np.testing.assert_allclose([dict(planckian(temperature))[w] for w in (400.0, 500.0, 600.0, 700.0)], expected, rtol=1e-4)
+    np.testing.assert_allclose(
+        [dict(planckian(temperature))[w] for w in (400.0, 500.0, 600.0, 700.0)], expected, rtol=1e-4
+    )
 
 
 def test_a_black_body_lights_a_scene_in_rgb_too():
     """Yellowish at 3000 K, bluish at 20 000 K."""
 
     def colour(temperature):
-        config = EnvironmentConfig(emitter={"type": "constant", "radiance": {"type": "blackbody", "temperature": temperature}})
-        return np.array(mi.load_dict(load_environment(config).emitter()).eval(dr.zeros(mi.SurfaceInteraction3f))).ravel()
+        config = EnvironmentConfig(
+            emitter={"type": "constant", "radiance": {"type": "blackbody", "temperature": temperature}}
+        )
+        return np.array(
+            mi.load_dict(load_environment(config).emitter()).eval(dr.zeros(mi.SurfaceInteraction3f))
+        ).ravel()
 
     assert colour(3000.0)[0] > 2 * colour(3000.0)[2]
     assert colour(20000.0)[2] > 1.2 * colour(20000.0)[0]

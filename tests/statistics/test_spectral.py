@@ -78,7 +78,9 @@ def test_bake_agrees_with_the_path_tracer(kind, material):
 def test_unpolarised_light_keeps_its_intensity_with_polarisation(material):
     """One reflection: the first Stokes parameter knows nothing of the others."""
     environment, material = courtyard(), named(material)
-    off, on = (baked_view(environment, material, kind, seed) for kind, seed in (("spectral", 3), ("spectral_polarized", 4)))
+    off, on = (
+        baked_view(environment, material, kind, seed) for kind, seed in (("spectral", 3), ("spectral_polarized", 4))
+    )
     found = difference(of_map(off), of_map(on))
     assert min(found.texel, found.block, found.aggregate) > LEVEL
 
@@ -87,7 +89,9 @@ def test_unpolarised_light_keeps_its_intensity_with_polarisation(material):
 @pytest.mark.parametrize("lamp", ["lines", "FL11", "A"])
 def test_a_matte_spectrum_under_an_even_light_has_the_colour_of_its_sum(which, lamp):
     """ρ(λ) S(λ) summed over wavelengths at 1 nm by the observer of colour-science."""
-    emission = lines(436, 546, 611) if lamp == "lines" else colour.SDS_ILLUMINANTS[lamp].copy().align(shape()).values / 100
+    emission = (
+        lines(436, 546, 611) if lamp == "lines" else colour.SDS_ILLUMINANTS[lamp].copy().align(shape()).values / 100
+    )
     reflectance = metamers()[which]
     environment = load_environment(EnvironmentConfig(emitter=light(emission)))
     baked = baked_view(environment, named(matte(reflectance)), "spectral")
@@ -106,7 +110,7 @@ def shape():
 
 
 def test_rgb_errs_by_what_was_predicted_of_a_metamer_and_spectra_do_not():
-    """relMSE of the RGB map against the sum by hand, and the mismatch that a plan measures: within 10 %."""
+    """RelMSE of the RGB map against the sum by hand, and the mismatch that a plan measures: within 10 %."""
     from rsibr.effects.metamerism import rgb_mismatch
 
     emission, reflectance = lines(436, 546, 611), metamers()[1]
