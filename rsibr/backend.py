@@ -1,5 +1,8 @@
 """Chooses and checks the Mitsuba variant; the only place that sets it.
 
+A variant is a device and what a kernel carries along a path: linear RGB, or in spectral rendering radiance at sampled
+wavelengths, or Mueller matrices of that. Everything runs in RGB but what stands in a `rendering` block.
+
 Mitsuba and Dr.Jit fall back silently (CUDA to LLVM to scalar) and, with a libLLVM older than 17, abort the process in
 the middle of a render. Here neither happens: the backend is checked before the first kernel and a lack is an error that
 says how to mend it.
@@ -9,7 +12,9 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,11 +25,14 @@ from rsibr.errors import InputError, MachineError
 
 Device = Literal["cuda", "llvm"]
 
+Rendering = Literal["rgb", "spectral", "spectral_polarized"]
+"""What is carried along a path. Mitsuba has no polarised RGB: polarisation comes with spectra."""
+
 MINIMUM_LLVM = 17
 """Dr.Jit 1.5 emits `llvm.maximum`, which LLVM 14, 15 and 16 cannot select on x86: the process aborts."""
 
 VARIANT_OF: dict[Device, str] = {"cuda": "cuda_ad_rgb", "llvm": "llvm_ad_rgb"}
-"""Mitsuba variant for each device. Both render scene-linear Rec.709 in float32."""
+"""Mitsuba's RGB variant for each device. Both render scene-linear Rec.709 in float32."""
 
 INSTALL_LLVM = (
     "install libLLVM 19: `apt install libllvm19` (Debian, Ubuntu), `dnf install llvm-libs` (Fedora), "
@@ -32,6 +40,7 @@ INSTALL_LLVM = (
     "or point DRJIT_LIBLLVM_PATH at the library"
 )
 
+_rendering: ContextVar[Rendering] = ContextVar("rendering", default="rgb")
 _registrations: list[Callable[[], None]] = []
 _registered_variants: set[str] = set()
 
@@ -80,7 +89,7 @@ def inspect() -> BackendReport:
 def use(device: Device | None = None) -> str:
     """Set the Mitsuba variant for `device`, or for the best device that works.
 
-    The environment variable `RSIBR_DEVICE` (`cuda` or `llvm`) stands in for an absent argument.
+    Inside a `rendering` block it is that rendering's, otherwise RGB's. The environment variable `RSIBR_DEVICE` (`cuda` or `llvm`) stands in for an absent argument.
 
     Parameters
     ----------
@@ -99,11 +108,49 @@ def use(device: Device | None = None) -> str:
     MachineError
         If the device does not work here, or libLLVM is missing or older than `MINIMUM_LLVM`. Never falls back.
     """
-    variant = VARIANT_OF[_working_device(device or _device_from_environment())]
+    variant = variant_name(_working_device(device or _device_from_environment()), _rendering.get())
     if mi.variant() != variant:
         mi.set_variant(variant)
     _register_plugins(variant)
     return variant
+
+
+@contextmanager
+def rendering(kind: Rendering) -> Iterator[str]:
+    """Render otherwise inside the block: the variant of `kind` on the device in use, and that of before afterwards.
+
+    Mitsuba's objects belong to the variant that they were made in: make scenes and BSDFs inside, and use them in a
+    block of the same kind. Arrays and vectors are the same in all.
+
+    Yields
+    ------
+    str
+        The variant that is now set, for example `"llvm_ad_spectral"`.
+
+    Raises
+    ------
+    InputError, MachineError
+        As `use`; also where Mitsuba was built without the variant.
+    """
+    before = _rendering.set(kind)
+    try:
+        yield use(_device_in_use())
+    finally:
+        _rendering.reset(before)
+        use(_device_in_use())
+
+
+def current_rendering() -> Rendering:
+    """Return the rendering of the block at hand; RGB outside of any."""
+    return _rendering.get()
+
+
+def variant_name(device: Device, kind: Rendering) -> str:
+    """Return Mitsuba's name of a variant; a MachineError where it was built without."""
+    name = f"{device}_ad_{kind}"
+    if name not in mi.variants():
+        raise MachineError(f"this Mitsuba has no variant {name}", fix="install the mitsuba of requirements.lock")
+    return name
 
 
 def on_variant(register: Callable[[], None]) -> Callable[[], None]:
@@ -124,6 +171,12 @@ def _register_plugins(variant: str) -> None:
     for register in _registrations:
         register()
     _registered_variants.add(variant)
+
+
+def _device_in_use() -> Device | None:
+    """The device of the variant that is set, so that a block does not leave it; None before the first."""
+    variant = mi.variant() or ""
+    return next((device for device in VARIANT_OF if variant.startswith(f"{device}_ad_")), None)
 
 
 def _device_from_environment() -> Device | None:

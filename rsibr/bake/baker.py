@@ -25,7 +25,8 @@ from rsibr.bake.planning import (
     scope_of,
 )
 from rsibr.bake.store import Bake, BakeWriter, open_bake
-from rsibr.effects.light import light_map
+from rsibr.effects.adaptation import adapted_lobes
+from rsibr.effects.light import DELTA_RESOLUTION, RESOLUTION, light_map
 from rsibr.effects.lobes import Lobe, LobeSplit
 from rsibr.effects.plan import Plan
 from rsibr.effects.plan_costs import priced
@@ -106,17 +107,21 @@ def bake(
         If the machine has no usable backend, or the disk is full.
     """
     settings = config if isinstance(config, Config) else load_config(Path(config), overrides)
-    variant = backend.use()
+    backend.use()
     environment, material = load_environment(settings.environment), load_material(settings.material)
     plan, probed = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples)[0])
     asked, settings = settings.map.resolution, planned_settings(settings, plan)
     all_around = load_viewpoints(settings.views)
     viewpoints = planned_viewpoints(all_around, settings, plan)
     split = None if settings.effects.lobes == "off" else probed
-    manifest = plan_manifest(settings, environment, material, split, viewpoints, variant, plan)
-    with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer:
+    lobes = adapted_lobes(split, environment, material, plan.rendering) if split else ()
+    with backend.rendering(plan.rendering) as variant:
+        manifest = plan_manifest(settings, environment, material, lobes, viewpoints, variant, plan)
+    with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer, backend.rendering(plan.rendering):
         if not writer.has_light:
-            writer.commit_light(light_map(environment.emitter(), environment.width))
+            with backend.rendering("rgb" if environment.width else plan.rendering):  # an image is RGB from the start
+                resolution = DELTA_RESOLUTION if any(lobe.is_mirror for lobe in lobes) else RESOLUTION
+                writer.commit_light(light_map(environment.emitter(), environment.width, resolution))
         _bake_views(writer, settings, environment, material, split, viewpoints.directions, plan, on_progress)
         writer.record_plan(priced(plan, baked_costs(writer.manifest, len(all_around)), asked))
     return open_bake(Path(out))
@@ -126,7 +131,7 @@ def plan_manifest(
     config: Config,
     environment: Environment,
     material: Material,
-    split: LobeSplit | None,
+    kept_apart: Sequence[Lobe],
     viewpoints: Viewpoints,
     variant: str,
     plan: Plan,
@@ -148,7 +153,7 @@ def plan_manifest(
         variant=variant,
         environment=EnvironmentRecord(name=environment.name, clipped=environment.clipped, lowest=environment.lowest),
         material=MaterialRecord(name=material.name, warp=material.warp, notes=_notes(material, plan)),
-        lobes=tuple(_lobe_record(lobe) for lobe in planned_lobes(split, plan)),
+        lobes=tuple(_lobe_record(lobe) for lobe in planned_lobes(kept_apart, plan)),
         resolution=config.map.resolution,
         directions=viewpoints.directions,
         triangles=viewpoints.triangles,

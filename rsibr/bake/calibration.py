@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
-from typing import Any
 
-import mitsuba as mi
 import numpy as np
 
 from rsibr import backend
+from rsibr.backend import Rendering
 from rsibr.bake.baker import block_sizes
 from rsibr.bake.integrator import Scope, SphereIntegrator, stratified
 from rsibr.bake.map_file import MapFile, encode_map
+from rsibr.bake.planning import scope_of
 from rsibr.effects.lobes import LobeSplit
+from rsibr.effects.plan import Plan
 from rsibr.effects.plan_costs import Costs
 from rsibr.geometry.frame import view_frame
 from rsibr.scene.config import Config
+from rsibr.scene.environment import Environment
+from rsibr.scene.material import Material
 
 MAX_LANES = 2**19
 """Samples of a trial: enough to keep the cores busy, a tenth of a second of them."""
@@ -29,7 +32,7 @@ SOURCE = "calibrated: the shortest of 5 launches of each kernel on this machine,
 
 
 def calibrate(
-    config: Config, emitter: dict[str, Any], bsdf: mi.BSDF, split: LobeSplit | None, scope: Scope, views: int
+    config: Config, environment: Environment, material: Material, split: LobeSplit | None, plan: Plan, views: int
 ) -> Costs:
     """Time small launches of the kernels of a bake.
 
@@ -37,9 +40,9 @@ def calibrate(
     ----------
     config : Config
         Its resolution, samples and clamp.
-    emitter, bsdf, split
+    environment, material, split
         The scene.
-    scope : Scope
+    plan : Plan
         What is planned.
     views : int
         Maps of the bake.
@@ -49,9 +52,12 @@ def calibrate(
     Costs
     """
 
-    def built(scope: Scope, lobes: LobeSplit | None) -> SphereIntegrator:
-        return SphereIntegrator(emitter, bsdf, config.map.resolution, lobes, config.sampling.clamp, scope)
+    def built(scope: Scope, lobes: LobeSplit | None, rendering: Rendering = plan.rendering) -> SphereIntegrator:
+        with backend.rendering(rendering):
+            scene = environment.emitter(), material.bsdf()
+            return SphereIntegrator(*scene, config.map.resolution, lobes, config.sampling.clamp, scope)
 
+    scope = scope_of(plan)
     planned = built(scope, split)
     kernels = {
         "seconds": planned,
@@ -60,6 +66,8 @@ def calibrate(
     }
     if len(planned.lobe_names) > 1:
         kernels["one_lobe"] = built(replace(scope, left_out=()), None)
+    if (other := _other_rendering(plan)) is not None:
+        kernels["other_rendering"] = built(scope, split, other)
     return Costs(
         views=views,
         lobes=len(planned.lobe_names),
@@ -68,6 +76,13 @@ def calibrate(
         source=SOURCE,
         **_map_seconds(kernels, config),
     )
+
+
+def _other_rendering(plan: Plan) -> Rendering | None:
+    """What the planned rendering is held against: RGB, or spectra where they are given and RGB stands in for them."""
+    if plan.rendering != "rgb":
+        return "rgb"
+    return "spectral" if plan["spectral"].evidence > 0 else None
 
 
 def _map_seconds(kernels: dict[str, SphereIntegrator], config: Config) -> dict[str, float]:
@@ -79,11 +94,13 @@ def _map_seconds(kernels: dict[str, SphereIntegrator], config: Config) -> dict[s
     shortest = dict.fromkeys(kernels, math.inf)
     for run in range(-1, RUNS):  # in turn: a machine that is busy for a while is so for all of them
         for name, kernel in kernels.items():
-            start = time.perf_counter()
-            kernel.block(frame, samples, np.random.SeedSequence(run + 1))
-            backend.synchronize()
+            with backend.rendering(kernel.rendering):
+                start = time.perf_counter()
+                kernel.block(frame, samples, np.random.SeedSequence(run + 1))
+                backend.synchronize()
+                seconds = time.perf_counter() - start
             if run >= 0:
-                shortest[name] = min(shortest[name], time.perf_counter() - start)
+                shortest[name] = min(shortest[name], seconds)
     scale = stratified(blocks[0]) * len(blocks) / stratified(samples)
     return {name: seconds * scale for name, seconds in shortest.items()}
 

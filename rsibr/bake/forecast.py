@@ -8,7 +8,7 @@ from pathlib import Path
 from rsibr import backend
 from rsibr.bake.baker import block_sizes
 from rsibr.bake.calibration import calibrate
-from rsibr.bake.planning import planned_scene, planned_settings, scope_of
+from rsibr.bake.planning import planned_scene, planned_settings
 from rsibr.effects.plan import Plan
 from rsibr.effects.plan_costs import priced
 from rsibr.scene.config import Config, load_config
@@ -41,10 +41,10 @@ def plan(config: Config | Path | str, *, overrides: Sequence[str] = ()) -> Plan:
     """
     settings = config if isinstance(config, Config) else load_config(Path(config), overrides)
     backend.use()
-    environment, bsdf = load_environment(settings.environment), load_material(settings.material).bsdf()
+    environment, material = load_environment(settings.environment), load_material(settings.material)
     views = len(load_viewpoints(settings.views).directions)
-    made, split = planned_scene(settings, environment, bsdf, block_sizes(settings.sampling.samples)[0])
+    made, split = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples)[0])
     kept_apart = None if settings.effects.lobes == "off" else split
     lowered = planned_settings(settings, made)
-    costs = calibrate(lowered, environment.emitter(), bsdf, kept_apart, scope_of(made), views)
+    costs = calibrate(lowered, environment, material, kept_apart, made, views)
     return priced(made, costs, settings.map.resolution)

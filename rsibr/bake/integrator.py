@@ -1,7 +1,9 @@
 """Direct light on a coated sphere, texel by texel: what a bake estimates.
 
 The sphere is convex and its light infinitely far away: no ray is traced and nothing shadows. A sample is a point of a
-texel, its normal, and one direction each from the light and from the BSDF, combined by the balance heuristic.
+texel, its normal, in spectral rendering four wavelengths, and one direction each from the light and from the BSDF,
+combined by the balance heuristic. With polarisation light and BSDF are Mueller matrices; what is kept of their product
+is the intensity of the light, the first of its Stokes parameters. A map holds what an observer sees: linear RGB.
 """
 
 from __future__ import annotations
@@ -15,7 +17,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr import backend
 from rsibr.effects.lobes import LobeSplit
+from rsibr.effects.wavelengths import Wavelengths
 from rsibr.geometry.resident import resident
 from rsibr.geometry.sphere_map import normal_from_disk, texel_coverage
 
@@ -48,6 +52,8 @@ class Scope:
 class SphereIntegrator:
     """Estimates the radiance of a sphere map, a block of samples at a time.
 
+    It renders in the variant of Mitsuba that it was made in (see `rsibr.backend.rendering`), as light and coating do.
+
     Parameters
     ----------
     emitter : dict
@@ -71,6 +77,8 @@ class SphereIntegrator:
         Lobes that a block holds, in their order; "radiance" where they are not kept apart.
     grey : bool
         Whether the three channels are one.
+    rendering : Rendering
+        What is carried along a path. `block` sets its variant; around many of them set it once, for that takes 0.05 s.
     """
 
     def __init__(
@@ -86,7 +94,8 @@ class SphereIntegrator:
         self.coverage = np.where(exact < LEAST_COVERAGE, 0, exact).astype(np.float32)
         self._light = mi.load_dict({"type": "scene", "light": emitter})
         self._bsdf = bsdf
-        self._split = split if split and len(split.names) > 1 else None
+        self.rendering = backend.current_rendering()
+        self._split = split.of_variant(bsdf) if split and len(split.names) > 1 else None
         names = self._split.names if self._split else ["radiance"]
         self._kept = [k for k, name in enumerate(names) if name not in scope.left_out]
         self.lobe_names = [names[k] for k in self._kept] if len(self._kept) > 1 else ["radiance"]
@@ -115,6 +124,10 @@ class SphereIntegrator:
         ndarray, shape (covered texels, lobes, 3)
             Unbiased estimate of each lobe's radiance [W sr⁻¹ m⁻²] averaged over the part of the texel inside the disk.
         """
+        with backend.rendering(self.rendering):
+            return self._block(frame, samples, seeds)
+
+    def _block(self, frame: NDArray[np.float64], samples: int, seeds: np.random.SeedSequence) -> NDArray[np.float32]:
         matrix = mi.Matrix3f(frame.astype(np.float32))
         dr.make_opaque(matrix)
         launches = math.ceil(samples * dr.width(self._texels) / MAX_LANES)
@@ -144,9 +157,7 @@ class SphereIntegrator:
         texel = dr.gather(mi.UInt32, self._texels, dr.arange(mi.UInt32, lanes) // samples)
         n = matrix @ normal_from_disk(self._point_in_disk(texel, sampler.next_2d(), seed_lane))
         v = mi.Vector3f(matrix[0, 2], matrix[1, 2], matrix[2, 2])
-        lobes = [
-            [lobe[c] for c in self._channels] for lobe in self._clamped(self._reflected(_interaction(n, v), sampler))
-        ]
+        lobes = [[lobe[c] for c in self._channels] for lobe in self._clamped(self._reflected(n, v, sampler))]
         dr.eval(lobes)  # once for all lobes and channels, not once a sum; what no one asks for is not computed
         return [[dr.block_sum(channel, samples) / samples for channel in lobe] for lobe in lobes]
 
@@ -177,23 +188,32 @@ class SphereIntegrator:
         )
         return p
 
-    def _reflected(self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler) -> list[mi.Color3f]:
+    def _reflected(self, n: mi.Vector3f, v: mi.Vector3f, sampler: mi.Sampler) -> list[mi.Color3f]:
         """One sample of L_r = ∫ f L_i cos θ dω, from the light and from the BSDF, each weighted for the other."""
+        wavelengths = Wavelengths.drawn(sampler)
+        si = _interaction(n, v, wavelengths)
         lobes = [mi.Color3f(0) for _ in self.lobe_names]
         if self._samples_light:
             radiance, wi = self._from_light(si, sampler)
-            lobes = [a + b for a, b in zip(lobes, self._lobes(radiance, wi, si.wi, False), strict=True)]
+            sample = self._lobes(radiance * wavelengths.weight, wi, si.wi, False, wavelengths)
+            lobes = [a + b for a, b in zip(lobes, sample, strict=True)]
         if self._samples_bsdf:
             radiance, wi, is_delta = self._from_bsdf(si, sampler)
-            lobes = [a + b for a, b in zip(lobes, self._lobes(radiance, wi, si.wi, is_delta), strict=True)]
+            sample = self._lobes(radiance * wavelengths.weight, wi, si.wi, is_delta, wavelengths)
+            lobes = [a + b for a, b in zip(lobes, sample, strict=True)]
         return lobes
 
     def _lobes(
-        self, radiance: mi.Color3f, wi: mi.Vector3f, wo: mi.Vector3f, is_delta: mi.Bool | bool
+        self,
+        radiance: mi.UnpolarizedSpectrum,
+        wi: mi.Vector3f,
+        wo: mi.Vector3f,
+        is_delta: mi.Bool | bool,
+        wavelengths: Wavelengths,
     ) -> list[mi.Color3f]:
         if self._split is None:
-            return [radiance]
-        lobes = self._split.split(radiance, wi, wo, is_delta)
+            return [wavelengths.seen(radiance)]
+        lobes = self._split.split(radiance, wi, wo, is_delta, wavelengths)
         return [lobes[k] for k in self._kept]
 
     def _clamped(self, lobes: list[mi.Color3f]) -> list[mi.Color3f]:
@@ -206,34 +226,51 @@ class SphereIntegrator:
         scale = dr.select(radiance > self._clamp, self._clamp / radiance, 1)  # a NaN passes: it is counted, not hidden
         return [lobe * scale for lobe in lobes]
 
-    def _from_light(self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler) -> tuple[mi.Color3f, mi.Vector3f]:
+    def _from_light(
+        self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler
+    ) -> tuple[mi.UnpolarizedSpectrum, mi.Vector3f]:
         light, weight = self._light.sample_emitter_direction(si, sampler.next_2d(), test_visibility=False)
         wi = si.to_local(light.d)
         value, pdf = self._bsdf.eval_pdf(mi.BSDFContext(), si, wi)
         share = light.pdf / (light.pdf + pdf) if self._samples_bsdf else mi.Float(1)
+        radiance = _intensity(si, value, wi, weight) * dr.select(light.delta, 1, share)
         # Only a density of zero is no sample: one of NaN reaches the map, where it is counted
-        return dr.select(~(light.pdf <= 0), value * weight * dr.select(light.delta, 1, share), 0), wi
+        return dr.select(~(light.pdf <= 0), radiance, 0), wi
 
-    def _from_bsdf(self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler) -> tuple[mi.Color3f, mi.Vector3f, mi.Bool]:
+    def _from_bsdf(
+        self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler
+    ) -> tuple[mi.UnpolarizedSpectrum, mi.Vector3f, mi.Bool]:
         drawn, weight = self._bsdf.sample(mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d())
         environment = self._light.environment()
         direction = dr.zeros(mi.DirectionSample3f, dr.width(si))
         direction.d = si.to_world(drawn.wo)
         escaped = dr.zeros(mi.SurfaceInteraction3f, dr.width(si))
         escaped.wi = -direction.d
+        escaped.wavelengths = si.wavelengths
         pdf = environment.pdf_direction(si, direction) if self._samples_light else mi.Float(0)
         is_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
         share = dr.select(is_delta, 1, drawn.pdf / (drawn.pdf + pdf))
-        return dr.select(~(drawn.pdf <= 0), weight * environment.eval(escaped) * share, 0), drawn.wo, is_delta
+        radiance = _intensity(si, weight, drawn.wo, environment.eval(escaped)) * share
+        return dr.select(~(drawn.pdf <= 0), radiance, 0), drawn.wo, is_delta
 
 
-def _interaction(n: mi.Vector3f, v: mi.Vector3f) -> mi.SurfaceInteraction3f:
+def _intensity(
+    si: mi.SurfaceInteraction3f, value: mi.Spectrum, wi: mi.Vector3f, light: mi.Spectrum
+) -> mi.UnpolarizedSpectrum:
+    """Light times BSDF; with polarisation in frames that fit together, and the first Stokes parameter of the product."""
+    if not mi.is_polarized:
+        return value * light
+    return mi.unpolarized_spectrum(si.to_world_mueller(value, -wi, si.wi) * light)
+
+
+def _interaction(n: mi.Vector3f, v: mi.Vector3f, wavelengths: Wavelengths) -> mi.SurfaceInteraction3f:
     """A point of the surface with normal `n`, seen from `v`."""
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(n))
     si.t = 1.0
     si.n = mi.Normal3f(n)
     si.sh_frame = mi.Frame3f(n)
     si.wi = si.to_local(v)
+    si.wavelengths = wavelengths.nm
     return si
 
 

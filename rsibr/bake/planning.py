@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from statistics import median
 
@@ -53,12 +54,12 @@ def scope_of(plan: Plan) -> Scope:
     return Scope(plan.grey, plan.light_samples, plan.left_out)
 
 
-def planned_lobes(split: LobeSplit | None, plan: Plan) -> list[Lobe]:
+def planned_lobes(lobes: Sequence[Lobe], plan: Plan) -> list[Lobe]:
     """Lobes that the bake stores; none where they are not kept apart.
 
     Where `effects.fresnel` is forced off each has one albedo for all angles: a reconstruction carries nothing.
     """
-    kept = [lobe for lobe in (split.lobes if split else ()) if lobe.name not in plan.left_out]
+    kept = [lobe for lobe in lobes if lobe.name not in plan.left_out]
     if plan["fresnel"].forced != "off":
         return kept
     return [replace(lobe, albedo=np.broadcast_to(over_disk(lobe.albedo), lobe.albedo.shape)) for lobe in kept]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.backend import Rendering
 from rsibr.bake.atomic import checksum, read_bytes, unreadable
 from rsibr.bake.directory import BAKE_AGAIN, altered, check_file
 from rsibr.bake.light_file import LIGHT_NAME, decode_light
@@ -62,6 +63,11 @@ class Bake:
     def config(self) -> dict[str, Any]:
         """The configuration that it was baked from, as JSON holds it."""
         return self.manifest.config
+
+    @property
+    def rendering(self) -> Rendering:
+        """What was carried along a path; RGB in bakes older than plans."""
+        return self.manifest.plan.rendering if self.manifest.plan else "rgb"
 
     @property
     def seconds(self) -> float:

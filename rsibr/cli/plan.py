@@ -74,6 +74,7 @@ def _lines(made: Plan) -> Iterator[str]:
         needs = f"maps from {lobe.views_needed} views" if lobe.maps_needed else "no maps"
         yield f"{lobe.name}: {needs}: {lobe.why}"
     channels, samples = ("one channel" if made.grey else "RGB"), ("light and BSDF" if made.light_samples else "BSDF")
+    channels += {"rgb": "", "spectral": " of spectra", "spectral_polarized": " of polarised spectra"}[made.rendering]
     total = (
         "" if made.seconds is None or made.bytes is None else f", {made.seconds:.1f} s, {made.bytes / 2**20:.1f} MiB"
     )

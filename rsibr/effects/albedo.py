@@ -16,15 +16,17 @@ from rsibr.geometry.resident import resident
 NODES = 65
 """Entries of a table, even in √cos θ: closest together at grazing angles, where an albedo bends most."""
 
-_POINTS = 2**12
+POINTS = 2**12
+"""Directions of the light at each entry, in each of the ways to draw them."""
+
 _WIDTHS = (0.005, 0.02, 0.08, 0.3)  # of the microfacet lobes that are sampled beside the cosine lobe
 
 
-class Sharing(Protocol):
-    """What a table asks of a split."""
+class Lobed(Protocol):
+    """What a table asks of a material."""
 
-    def shares(self, wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
-        """Share of each lobe."""
+    def parts(self, wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
+        """BRDF times cosine of each lobe [sr⁻¹]."""
 
 
 def node_cosines() -> NDArray[np.float64]:
@@ -32,15 +34,15 @@ def node_cosines() -> NDArray[np.float64]:
     return np.maximum(np.linspace(0, 1, NODES) ** 2, 1e-5)
 
 
-def albedo_tables(bsdf: mi.BSDF, split: Sharing) -> list[NDArray[np.float64]]:
+def albedo_tables(material: Lobed, points: int = POINTS) -> list[NDArray[np.float64]]:
     """E_k(cos θ_o) = ∫ f ω_k cos θ_i dω_i for each lobe.
 
     Parameters
     ----------
-    bsdf : mi.BSDF
-        The material; delta components do not take part.
-    split : Sharing
-        How it is shared out.
+    material : Lobed
+        Its lobes; delta components do not take part.
+    points : int
+        Directions of the light at each angle and in each way to draw them, a power of two.
 
     Returns
     -------
@@ -53,40 +55,44 @@ def albedo_tables(bsdf: mi.BSDF, split: Sharing) -> list[NDArray[np.float64]]:
     microfacet lobes of several widths and weighted by the balance heuristic (Veach 1997, section 9.2), so that every
     width of lobe is resolved and what error is left varies smoothly with the angle.
     """
-    lanes = dr.arange(mi.UInt32, NODES * _POINTS)
-    cosine = dr.gather(mi.Float, resident(mi.Float, node_cosines().astype(np.float32)), lanes // _POINTS)
+    lanes = dr.arange(mi.UInt32, NODES * points)
+    cosine = dr.gather(mi.Float, resident(mi.Float, node_cosines().astype(np.float32)), lanes // points)
     wo = mi.Vector3f(dr.sqrt(1 - cosine * cosine), 0, cosine)
-    u = dr.gather(mi.Point2f, _low_discrepancy(), lanes % _POINTS)
-    total = _shared_out(bsdf, split, wo, mi.warp.square_to_cosine_hemisphere(u))
+    u = dr.gather(mi.Point2f, low_discrepancy(points), lanes % points)
+    total = _albedos(material, wo, mi.warp.square_to_cosine_hemisphere(u), points)
     for width in _WIDTHS:  # one kernel for all: their number is opaque, and a BSDF is long to compile
-        total = total + _shared_out(bsdf, split, wo, _around_mirror(u, wo, dr.opaque(mi.Float, width)))
+        total = total + _albedos(material, wo, _around_mirror(u, wo, dr.opaque(mi.Float, width)), points)
     return list(total)
 
 
-def _shared_out(bsdf: mi.BSDF, split: Sharing, wo: mi.Vector3f, wi: mi.Vector3f) -> NDArray[np.float64]:
+def _albedos(material: Lobed, wo: mi.Vector3f, wi: mi.Vector3f, points: int) -> NDArray[np.float64]:
     """Part of the albedos that directions `wi` drawn in one way bring in, shape (lobes, NODES, 3)."""
-    value = bsdf.eval(mi.BSDFContext(), interaction(wo), wi) / _density(wi, wo)
-    value = dr.select(wi.z > 0, value, 0)
-    parts = [channel for share in split.shares(wi, wo) for channel in value * share]
+    weight = dr.select(wi.z > 0, 1 / _density(wi, wo), 0)
+    parts = [channel for part in material.parts(wi, wo) for channel in dr.select(weight > 0, part * weight, 0)]
     dr.eval(parts)
-    sums = [np.array(dr.block_sum(channel, _POINTS), dtype=np.float64) / _POINTS for channel in parts]
+    sums = [np.array(dr.block_sum(channel, points), dtype=np.float64) / points for channel in parts]
     return np.stack(sums).reshape(-1, 3, NODES).swapaxes(1, 2)
 
 
-def _low_discrepancy() -> mi.Float:
+def low_discrepancy(points: int) -> mi.Float:
     """The same points of the unit square at every angle: what error they leave varies smoothly with it."""
-    return resident(mi.Float, sobol(2, _POINTS, seed=11).astype(np.float32))
+    return resident(mi.Float, sobol(2, points, seed=11).astype(np.float32))
 
 
 def mirror_albedo(bsdf: mi.BSDF) -> NDArray[np.float64]:
-    """Reflectance of the delta component over the viewing angle, shape (NODES, 3)."""
+    """Reflectance of the delta component over the viewing angle in RGB rendering, shape (NODES, 3)."""
+    return np.array(delta_reflectance(bsdf), dtype=np.float64).reshape(3, -1).T
+
+
+def delta_reflectance(bsdf: mi.BSDF, wavelengths: mi.Spectrum | None = None) -> mi.UnpolarizedSpectrum:
+    """Reflectance of the delta component at the nodes of the viewing angle, for the given wavelengths [nm] in spectra."""
     cosines = mi.Float(node_cosines().astype(np.float32))
     context = mi.BSDFContext()
     context.type_mask = int(mi.BSDFFlags.DeltaReflection)
     wo = mi.Vector3f(dr.sqrt(dr.maximum(1 - cosines * cosines, 0)), 0, cosines)
-    drawn, weight = bsdf.sample(context, interaction(wo), mi.Float(0.5), mi.Point2f(0.5))
+    drawn, weight = bsdf.sample(context, interaction(wo, wavelengths), mi.Float(0.5), mi.Point2f(0.5))
     is_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.DeltaReflection)
-    return np.array(dr.select(is_delta, weight, 0), dtype=np.float64).reshape(3, -1).T
+    return dr.select(is_delta, mi.unpolarized_spectrum(weight), 0)
 
 
 def _around_mirror(u: mi.Point2f, wo: mi.Vector3f, alpha: mi.Float) -> mi.Vector3f:

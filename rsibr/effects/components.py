@@ -45,7 +45,13 @@ def told_apart(
     return np.flatnonzero(energy >= LEAST_SHARE * max(float(energy.sum()), _TINY)).tolist()
 
 
-def component_shares(bsdf: mi.BSDF, components: list[int], wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
+def component_shares(
+    bsdf: mi.BSDF,
+    components: list[int],
+    wi: mi.Vector3f,
+    wo: mi.Vector3f,
+    wavelengths: mi.Spectrum | None = None,
+) -> list[mi.UnpolarizedSpectrum]:
     """Share f_i/f of each component in what a material reflects.
 
     Parameters
@@ -56,18 +62,21 @@ def component_shares(bsdf: mi.BSDF, components: list[int], wi: mi.Vector3f, wo: 
         From `told_apart`.
     wi, wo : mi.Vector3f
         Unit directions to the light and to the viewer in the surface's frame.
+    wavelengths : mi.Spectrum, optional
+        Wavelengths [nm] of each lane, in spectral rendering.
 
     Returns
     -------
-    list of mi.Color3f
-        Non-negative, sum 1 in each channel: the first takes what the others leave, and all where nothing is reflected.
+    list of mi.UnpolarizedSpectrum
+        Non-negative, sum 1 in each channel, or at each wavelength: the first takes what the others leave, and all where
+        nothing is reflected. With polarisation, shares of what unpolarised light becomes.
     """
-    si = interaction(wo)
-    whole = bsdf.eval(mi.BSDFContext(), si, wi)
+    si = interaction(wo, wavelengths)
+    whole = mi.unpolarized_spectrum(bsdf.eval(mi.BSDFContext(), si, wi))
     others = []
-    rest = mi.Color3f(1)
+    rest = mi.UnpolarizedSpectrum(1)
     for component in components[1:]:
-        value = bsdf.eval(only(component), si, wi)
+        value = mi.unpolarized_spectrum(bsdf.eval(only(component), si, wi))
         share = dr.select(whole > _TINY, dr.minimum(value / dr.maximum(whole, _TINY), 1), 0)
         others.append(share)
         rest -= share

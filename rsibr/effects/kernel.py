@@ -70,6 +70,11 @@ class LobeKernel:
         """Whether the lobe follows the normal."""
         return bool(self.matte.any())
 
+    @property
+    def is_mirror(self) -> bool:
+        """Whether the lobe is a delta distribution."""
+        return not self.is_matte and not self.bare.sigmas.any() and not len(self.coated.sigmas)
+
     @classmethod
     def of(cls, proxy: ProxyLobe) -> LobeKernel:
         """Make the kernel of a fitted lobe. A matte lobe's glossy companions, far wider than most, count as matte."""

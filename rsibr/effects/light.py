@@ -10,10 +10,17 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.effects.wavelengths import Wavelengths
 from rsibr.geometry.octahedral import texel_directions
 
 RESOLUTION = 512
 """Texels a side: 0.4° each, as fine as an environment map of 1024 × 512."""
+
+DELTA_RESOLUTION = 1024
+"""Texels a side for a material with a delta lobe, which blurs nothing."""
+
+_WAVELENGTHS = 64
+"""Points of the sum over wavelengths, four wavelengths each: 2 nm apart."""
 
 _POINTS = 3  # a side and texel at least, and so many a side and texel of the environment's
 _MOST_POINTS = 24
@@ -52,6 +59,18 @@ def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUT
 
 
 def _radiance(environment: mi.Emitter, d: mi.Vector3f) -> mi.Color3f:
+    """Light from the direction `d`; in spectral rendering as an observer sees it, summed over wavelengths."""
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(d))
     si.wi = -d
-    return environment.eval(si)
+    if not mi.is_spectral:
+        return environment.eval(si)
+
+    def seen(place: mi.UInt32, total: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f]:
+        wavelengths = Wavelengths.at((mi.Float(place) + 0.5) / _WAVELENGTHS)
+        si.wavelengths = wavelengths.nm
+        radiance = mi.unpolarized_spectrum(environment.eval(si)) * wavelengths.weight
+        return place + 1, total + wavelengths.seen(radiance)
+
+    state = mi.UInt32(0), dr.zeros(mi.Color3f)
+    _, total = dr.while_loop(state, lambda place, _total: place < _WAVELENGTHS, seen, label="wavelengths")
+    return total / _WAVELENGTHS

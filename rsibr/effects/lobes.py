@@ -3,6 +3,9 @@
 f = Σ f·ω_k with ω_k = h_k / Σ h_j, per colour channel: whatever the stand-ins h_k are, the lobes add up to f. Where
 Mitsuba tells the components of a BSDF apart, each component f_c takes its own share instead: ω_k = f_c/f · h_k / Σ h_j
 over the stand-ins of that component, most often only one.
+
+In spectral rendering f_c/f is taken wavelength by wavelength, and h_k / Σ h_j, which knows only directions, from the
+colour that an observer sees of each component: as exact, for the weights still add up to one.
 """
 
 from __future__ import annotations
@@ -19,7 +22,9 @@ from numpy.typing import NDArray
 from rsibr.effects.albedo import albedo_tables, mirror_albedo
 from rsibr.effects.components import component_shares
 from rsibr.effects.fit import ProxyLobe, fit_lobes
+from rsibr.effects.probe import interaction
 from rsibr.effects.proxy import LAMBERT, lobe_values
+from rsibr.effects.wavelengths import Wavelengths
 
 MIRROR = -1.0
 """Stands where a roughness would for a delta distribution."""
@@ -90,42 +95,62 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
         """Fit the stand-ins to the BSDF; see `rsibr.effects.fit`."""
         return cls(bsdf, fit_lobes(bsdf) if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) else [])
 
+    def of_variant(self, bsdf: mi.BSDF) -> LobeSplit:
+        """Return the same split for the same material as the current variant of Mitsuba has loaded it."""
+        return LobeSplit(bsdf, self._proxies)
+
     @cached_property
     def lobes(self) -> list[Lobe]:
         """The lobes with their albedos, which take a second or two."""
-        tables = albedo_tables(self._bsdf, self) if self._proxies else []
+        tables = albedo_tables(self) if self._proxies else []
         smooth = zip(self.names, self._proxies, tables, strict=False)
         lobes = [Lobe(name, proxy.alpha, table, proxy) for name, proxy, table in smooth]
         return [*lobes, Lobe(self.names[-1], MIRROR, mirror_albedo(self._bsdf))] if self._has_mirror else lobes
 
     def split(
-        self, radiance: mi.Color3f, wi: mi.Vector3f, wo: mi.Vector3f, is_delta: mi.Bool | bool
+        self,
+        radiance: mi.UnpolarizedSpectrum,
+        wi: mi.Vector3f,
+        wo: mi.Vector3f,
+        is_delta: mi.Bool | bool,
+        wavelengths: Wavelengths,
     ) -> list[mi.Color3f]:
         """Share a sample of radiance out among all lobes.
 
         Parameters
         ----------
-        radiance : mi.Color3f
-            Light from `wi` reflected toward `wo` [W sr⁻¹ m⁻²].
+        radiance : mi.UnpolarizedSpectrum
+            Light from `wi` reflected toward `wo` [W sr⁻¹ m⁻²], times the weight of its wavelengths.
         wi, wo : mi.Vector3f
             Unit directions to the light and to the viewer in the surface's frame.
         is_delta : mi.Bool
             Whether a delta component reflected it.
+        wavelengths : Wavelengths
+            Of the sample.
 
         Returns
         -------
         list of mi.Color3f
-            One for each of `lobes`; they add up to `radiance`.
+            One for each of `lobes`, as an observer sees them; they add up to `radiance`.
         """
         if not self._proxies:
-            return [radiance]
+            return [wavelengths.seen(radiance)]
         smooth = dr.select(is_delta, 0, radiance) if self._has_mirror else radiance
-        # What carries no light may have no meaningful direction either; a NaN is no zero, and stays
-        parts = [dr.select(smooth == 0, 0, smooth * share) for share in self.shares(wi, wo)]
-        return [*parts, dr.select(is_delta, radiance, 0)] if self._has_mirror else parts
+        found = [mi.Color3f(0)] * len(self._proxies)
+        for share, members in zip(self._component_shares(wi, wo, wavelengths.nm), self._members.values(), strict=True):
+            # What carries no light may have no meaningful direction either; a NaN is no zero, and stays
+            seen = wavelengths.seen(dr.select(smooth == 0, 0, smooth * share))
+            for member, part in zip(members, self._parts(members, wi, wo), strict=True):
+                found[member] = dr.select(seen == 0, 0, seen * part)
+        return [*found, wavelengths.seen(dr.select(is_delta, radiance, 0))] if self._has_mirror else found
+
+    def parts(self, wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
+        """BRDF times cosine [sr⁻¹] of each lobe that is no delta, in RGB rendering; see `shares`."""
+        value = self._bsdf.eval(mi.BSDFContext(), interaction(wo), wi)
+        return [value * share for share in self.shares(wi, wo)]
 
     def shares(self, wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
-        """Share ω_k of each lobe.
+        """Share ω_k of each lobe, in RGB rendering.
 
         Parameters
         ----------
@@ -138,13 +163,19 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
             Non-negative, sum 1 in each channel. Where nothing is reflected, the first component takes all; where no
             stand-in of a component has anything, the first of them.
         """
-        components = [component for component in self._members if component is not None]
-        whole = component_shares(self._bsdf, components, wi, wo) if len(components) > 1 else [mi.Color3f(1)]
         found = [mi.Color3f(0)] * len(self._proxies)
-        for share, members in zip(whole, self._members.values(), strict=True):
+        for share, members in zip(self._component_shares(wi, wo), self._members.values(), strict=True):
             for member, part in zip(members, self._parts(members, wi, wo), strict=True):
                 found[member] = share * part
         return found
+
+    def _component_shares(
+        self, wi: mi.Vector3f, wo: mi.Vector3f, nm: mi.Spectrum | None = None
+    ) -> list[mi.UnpolarizedSpectrum]:
+        components = [component for component in self._members if component is not None]
+        if len(components) < 2:
+            return [mi.UnpolarizedSpectrum(1)]
+        return component_shares(self._bsdf, components, wi, wo, nm)
 
     def _parts(self, members: list[int], wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
         """Shares of a component's stand-ins among themselves: the first takes what the others leave."""

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.errors import InputError
+from rsibr import backend
+from rsibr.effects.probe import interaction
+from rsibr.scene.spectra import Samples, found_metals, found_spectra
 
 _WHITE = 100.0
 """Luminance [cd/m²] of a white surface, at which colours are compared."""
@@ -22,8 +23,10 @@ _OBSERVER = "CIE 1931 2 Degree Standard Observer"
 _RANGE = (360, 780)
 """Wavelengths [nm] that are summed over, in steps of 1 nm (ASTM E308)."""
 
-Samples = list[tuple[float, float]]
-"""Wavelengths [nm] and values."""
+_METAL_GRID = np.linspace(360.0, 830.0, 96)
+
+_Pigment = tuple[str, Samples, NDArray[np.float64]]
+"""Name, reflectance, and the colour that Mitsuba's RGB mode makes of it."""
 
 
 @dataclass(frozen=True)
@@ -71,25 +74,27 @@ def rgb_mismatch(material: Mapping[str, Any] | Path | None, emitter: Mapping[str
     The truth is ∫ S R x̄ dλ by colour-science; the other colour is the product of those that Mitsuba's RGB mode makes of
     S and of R. Both are taken over the luminance of a white surface under S.
     """
-    pigments = dict(_spectra(material, "material"))
-    lights = {name: light for name, light in _spectra(emitter, "environment") if any(value for _, value in light)}
+    spectra = found_spectra(material, "material")
+    pigments: list[_Pigment] = [(name, samples, _rgb_of_pigment(samples)) for name, samples in spectra]
+    pigments += [(name, *_metal(name)) for name in found_metals(material)]
+    lights = {name: light for name, light in found_spectra(emitter, "environment") if any(value for _, value in light)}
     if not pigments:
         return None
     import colour  # noqa: PLC0415  # takes a second, and most scenes have no spectra
 
     under: list[tuple[str, Samples | None]] = [*lights.items()] or [("daylight (D65)", None)]
-    found = [_mismatch(colour, light, pigment) for light in under for pigment in pigments.items()]
+    found = [_mismatch(colour, light, pigment) for light in under for pigment in pigments]
     return max(found, key=lambda mismatch: mismatch.difference)
 
 
-def _mismatch(colour: Any, light: tuple[str, Samples | None], pigment: tuple[str, Samples]) -> Mismatch:
+def _mismatch(colour: Any, light: tuple[str, Samples | None], pigment: _Pigment) -> Mismatch:
     shape = colour.SpectralShape(*_RANGE, 1)
     observer = colour.MSDS_CMFS[_OBSERVER].copy().align(shape)
     daylight = colour.SDS_ILLUMINANTS["D65"].copy().align(shape)
     illuminant = daylight if light[1] is None else _distribution(colour, light[1])
     truth = colour.sd_to_XYZ(_distribution(colour, pigment[1]), observer, illuminant) / 100
     light_rgb = np.ones(3) if light[1] is None else _rgb_of_light(light[1])
-    product = _rgb_of_pigment(pigment[1]) * light_rgb / max(float(light_rgb @ [0.2126, 0.7152, 0.0722]), 1e-12)
+    product = pigment[2] * light_rgb / max(float(light_rgb @ [0.2126, 0.7152, 0.0722]), 1e-12)
     space = colour.RGB_COLOURSPACES["ITU-R BT.709"]
     rgb_truth = space.matrix_XYZ_to_RGB @ truth
     difference = colour.difference.delta_E_ITP(
@@ -107,6 +112,20 @@ def _distribution(colour: Any, samples: Samples) -> Any:
     return colour.SpectralDistribution(values, wavelengths)
 
 
+def _metal(name: str) -> tuple[Samples, NDArray[np.float64]]:
+    """Reflectance of a measured metal head-on, as Mitsuba's spectral and RGB modes have it."""
+    with backend.rendering("spectral"):
+        nm = mi.UnpolarizedSpectrum([mi.Float(row) for row in _METAL_GRID.reshape(4, -1).astype(np.float32)])
+        values = np.array(_head_on(name, nm), dtype=np.float64).ravel()
+    return list(zip(_METAL_GRID.tolist(), values.tolist(), strict=True)), np.array(_head_on(name)).ravel()
+
+
+def _head_on(name: str, nm: mi.Spectrum | None = None) -> mi.UnpolarizedSpectrum:
+    bsdf = mi.load_dict({"type": "conductor", "material": name})
+    si = interaction(mi.Vector3f(0, 0, 1), nm)
+    return bsdf.sample(mi.BSDFContext(), si, mi.Float(0.5), mi.Point2f(0.5))[1]
+
+
 def _rgb_of_pigment(samples: Samples) -> NDArray[np.float64]:
     bsdf = mi.load_dict({"type": "diffuse", "reflectance": {"type": "spectrum", "value": samples}})
     si = dr.zeros(mi.SurfaceInteraction3f)
@@ -119,25 +138,3 @@ def _rgb_of_light(samples: Samples) -> NDArray[np.float64]:
     si = dr.zeros(mi.SurfaceInteraction3f)
     si.wi = mi.Vector3f(0, 0, 1)
     return np.array(light.eval(si), dtype=np.float64).ravel()
-
-
-def _spectra(source: Mapping[str, Any] | Path | None, where: str) -> Iterator[tuple[str, Samples]]:
-    """Find the spectra that vary with the wavelength, by their names."""
-    if isinstance(source, Path):
-        for element in ElementTree.parse(source).getroot().iter("spectrum"):
-            if ":" in (text := element.get("value", "")):
-                yield element.get("name", "spectrum"), _samples([pair.split(":") for pair in text.split(",")], where)
-        return
-    for name, value in (source or {}).items():
-        if isinstance(value, Mapping):
-            if value.get("type") == "spectrum" and isinstance(value.get("value"), list):
-                yield name, _samples(value["value"], where)
-            yield from _spectra(value, where)
-
-
-def _samples(pairs: Any, where: str) -> Samples:
-    try:
-        samples = sorted((float(wavelength), float(value)) for wavelength, value in pairs)
-    except (TypeError, ValueError):
-        raise InputError("holds a spectrum that is none", where=where, fix="give [[wavelength, value], …]") from None
-    return samples

@@ -8,6 +8,8 @@ from typing import Literal
 
 from pydantic import ConfigDict
 
+from rsibr.backend import Rendering
+
 Forced = Literal["on", "off"] | None
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -153,6 +155,11 @@ class Plan:
         return any(lobe.maps_needed for lobe in self.lobes)
 
     @property
+    def rendering(self) -> Rendering:
+        """What is carried along a path."""
+        return rendering_of(self.effects)
+
+    @property
     def missed(self) -> tuple[Effect, ...]:
         """Effects that matter here and are left out."""
         return tuple(effect for effect in self.effects if effect.missed)
@@ -205,6 +212,14 @@ def flagged(name: str, evidence: float, threshold: float, unit: str, why: str, w
         name, False, None, evidence, threshold, unit, why if matters else why_not,
         error_if_left_out=None if matters else 0.0,
     )  # fmt: skip
+
+
+def rendering_of(effects: Iterable[Effect]) -> Rendering:
+    """What is carried along a path where these effects are decided so; RGB where nothing is said of it."""
+    on = {effect.name for effect in effects if effect.on}
+    if "polarisation" in on:
+        return "spectral_polarized"
+    return "spectral" if "spectral" in on else "rgb"
 
 
 def number(value: float) -> str:

@@ -22,9 +22,10 @@ class Costs:
         Of a map as planned.
     bytes : int
         Of a map as planned.
-    one_lobe, other_colour, other_sampling : float or None
+    one_lobe, other_colour, other_sampling, other_rendering : float or None
         Seconds of a map with its lobes not kept apart; with three channels where one is planned, or the reverse; with
-        light samples where none are planned, or the reverse. None where not measured.
+        light samples where none are planned, or the reverse; in RGB where spectra are planned, or the reverse. None
+        where not measured.
     other_colour_bytes : int or None
         Of a map with three channels where one is planned, or the reverse.
     source : str
@@ -38,6 +39,7 @@ class Costs:
     one_lobe: float | None = None
     other_colour: float | None = None
     other_sampling: float | None = None
+    other_rendering: float | None = None
     other_colour_bytes: int | None = None
     source: str = ""
 
@@ -84,8 +86,10 @@ def _priced(effect: Effect, plan: Plan, costs: Costs, asked: int) -> Effect:
             # What is on costs what half the resolution would not; what is off saves all beyond its own
             factor = 0.75 if effect.on else (asked / plan.resolution) ** 2 - 1
             seconds, size = factor * whole[0], round(factor * whole[1])
-        case "spectral" | "polarisation":
-            seconds, size = None, None
+        case "spectral":  # the samples of a map cost more; its size is that of RGB
+            seconds, size = _apart(effect.on, costs, costs.other_rendering), 0
+        case "polarisation":  # what it costs beyond the spectra that come with it is not told apart
+            seconds, size = None, 0
         case _:
             return effect
     return effect.costing(seconds, size)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from rsibr.effects.light_probe import LightProbe
 from rsibr.effects.material_probe import LobeProbe, MaterialProbe
@@ -18,6 +19,9 @@ PRESENT = 1e-9
 
 _ENOUGH = 1e-3
 """relMSE of interpolation, before any correction, at which a number of views suffices for a lobe."""
+
+IN_SPECTRA = "its closed form is of RGB, and maps are rendered in spectra"
+"""Why a lobe that would need no maps has some."""
 
 Weights = dict[str, float]
 """For each lobe by name the relMSE that leaving it out would make."""
@@ -67,17 +71,24 @@ def fresnel_effect(material: MaterialProbe, settings: EffectsConfig) -> Effect:
     )  # fmt: skip
 
 
-def view_effect(material: MaterialProbe, left_out: Weights, light: LightProbe, settings: EffectsConfig) -> Effect:
+def view_effect(
+    material: MaterialProbe, left_out: Weights, light: LightProbe, settings: EffectsConfig, no_closed_form: bool = False
+) -> Effect:
     """Whether the look depends on the view at all, beyond what has a closed form."""
     residual = max(closed_form_error(lobe, left_out[lobe.name], light) for lobe in material.lobes)
-    return decided(
+    effect = decided(
         "view_dependence", settings.view_dependence, residual, NEGLIGIBLE, "relMSE of closed forms, estimated",
         "maps from several views are interpolated", _without_views(material, light),
         error_if_left_out=min(1.0, residual),
     )  # fmt: skip
+    if no_closed_form and not effect.on and effect.forced is None:
+        return replace(effect, on=True, why=IN_SPECTRA, error_if_left_out=None)
+    return effect
 
 
-def lobe_maps(lobe: LobeProbe, left_out: float, light: LightProbe, forced: str = "auto") -> LobePlan:
+def lobe_maps(
+    lobe: LobeProbe, left_out: float, light: LightProbe, forced: str = "auto", no_closed_form: bool = False
+) -> LobePlan:
     """Decide whether a lobe needs maps, and from how many views: the one place where that is decided.
 
     Parameters
@@ -90,6 +101,8 @@ def lobe_maps(lobe: LobeProbe, left_out: float, light: LightProbe, forced: str =
         The environment.
     forced : {"auto", "on", "off"}
         `effects.view_dependence`: whether maps from several views are insisted on, or ruled out.
+    no_closed_form : bool
+        Whether maps are rendered in spectra that vary over the sky: closed forms are products of RGB, and do not serve.
 
     Returns
     -------
@@ -102,7 +115,9 @@ def lobe_maps(lobe: LobeProbe, left_out: float, light: LightProbe, forced: str =
     as far as it has Lambert's shape. Of these the error is estimated, and maps are needed where it is not negligible.
     """
     error = closed_form_error(lobe, left_out, light)
-    needed = error > NEGLIGIBLE if forced == "auto" else forced == "on"
+    needed = error > NEGLIGIBLE or no_closed_form if forced == "auto" else forced == "on"
+    if needed and error <= NEGLIGIBLE and no_closed_form:
+        return LobePlan(lobe.name, True, VIEW_COUNTS[0], error, NEGLIGIBLE, IN_SPECTRA)
     if not needed:
         why = _closed_form(lobe, light) if error <= NEGLIGIBLE else "forced off: the nearest closed form stands in"
         return LobePlan(lobe.name, False, 0, error, NEGLIGIBLE, why)

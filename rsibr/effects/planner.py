@@ -5,8 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import mitsuba as mi
 
@@ -14,7 +12,7 @@ from rsibr.effects.light_probe import LightProbe, probe_light
 from rsibr.effects.lobes import LobeSplit
 from rsibr.effects.material_probe import LobeProbe, MaterialProbe, probe_material
 from rsibr.effects.plan import Effect, Plan, unique
-from rsibr.effects.plan_colour import colour_effect, polarisation_effect, spectral_effect
+from rsibr.effects.plan_colour import ColourEffects, colour_effect
 from rsibr.effects.plan_flags import flag_effects, use_effects
 from rsibr.effects.plan_light import Resolution, is_even, resolution_effect, sampling_effect
 from rsibr.effects.plan_lobes import Weights, effect_of, fresnel_effect, lobe_effects, lobe_maps, view_effect
@@ -99,13 +97,19 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     left_out = {lobe.name: error for lobe, error in zip(material.lobes, errors, strict=True)}
     asked = Resolution(config.map.resolution, "resolution" in config.map.model_fields_set)
     full, resolution = resolution_effect(probes.split.lobes, material.lobes, light, asked, settings)
-    colour = colour_effect(material, light, settings)
+    spectra = ColourEffects.of(config)
+    colour = colour_effect(material, light, settings, spectra.rendering != "rgb")
     sampling = sampling_effect(light, material, sampling_ratio, settings, config.sampling)
-    effects = unique([*_of_the_material(config, probes, left_out), colour, sampling, full, *_of_maps(config, material)])
+    of_material = _of_the_material(config, probes, left_out, spectra.breaks_closed_forms)
+    carried = (colour, spectra.spectral, spectra.polarisation)
+    effects = unique([*of_material, *carried, sampling, full, *flag_effects(material), *use_effects()])
     kept, dropped = _kept(material, effects)
     return Plan(
         effects=effects,
-        lobes=tuple(lobe_maps(lobe, left_out[lobe.name], light, settings.view_dependence) for lobe in kept),
+        lobes=tuple(
+            lobe_maps(lobe, left_out[lobe.name], light, settings.view_dependence, spectra.breaks_closed_forms)
+            for lobe in kept
+        ),
         left_out=dropped,
         grey=not colour.on,
         light_samples=sampling.on,
@@ -117,18 +121,10 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     )
 
 
-def _of_the_material(config: Config, probes: Probes, left_out: Weights) -> Iterator[Effect]:
-    yield view_effect(probes.material, left_out, probes.light, config.effects)
+def _of_the_material(config: Config, probes: Probes, left_out: Weights, no_closed_form: bool) -> Iterator[Effect]:
+    yield view_effect(probes.material, left_out, probes.light, config.effects, no_closed_form)
     yield from lobe_effects(probes.material, left_out, config.effects)
     yield fresnel_effect(probes.material, config.effects)
-
-
-def _of_maps(config: Config, material: MaterialProbe) -> Iterator[Effect]:
-    """What maps of RGB radiance do not hold, or never need."""
-    yield spectral_effect(*_given(config))
-    yield polarisation_effect()
-    yield from flag_effects(material)
-    yield from use_effects()
 
 
 def _kept(material: MaterialProbe, effects: tuple[Effect, ...]) -> tuple[list[LobeProbe], tuple[str, ...]]:
@@ -142,10 +138,3 @@ def _kept(material: MaterialProbe, effects: tuple[Effect, ...]) -> tuple[list[Lo
             fix='leave one of its lobes at "auto"',
         )
     return kept, tuple(lobe.name for lobe in material.lobes if lobe not in kept)
-
-
-def _given(config: Config) -> tuple[dict[str, Any] | Path | None, dict[str, Any] | None]:
-    """What the config gives as plain data or XML, where spectra may stand."""
-    material = config.material
-    file = material.file if material.file is not None and material.file.suffix == ".xml" else None
-    return material.bsdf or file, config.environment.emitter

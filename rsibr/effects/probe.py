@@ -11,7 +11,7 @@ RETRO_RATIO = 1.5
 """Straight back over sideways, from which on a material counts as retroreflective."""
 
 
-def interaction(wo: mi.Vector3f) -> mi.SurfaceInteraction3f:
+def interaction(wo: mi.Vector3f, wavelengths: mi.Spectrum | None = None) -> mi.SurfaceInteraction3f:
     """Point of a surface whose normal is +z, seen from `wo`.
 
     Parameters
@@ -19,8 +19,12 @@ def interaction(wo: mi.Vector3f) -> mi.SurfaceInteraction3f:
     wo : mi.Vector3f
         Unit directions to the viewer in the surface's frame. Mitsuba calls this direction `wi`: it traces paths from
         the camera.
+    wavelengths : mi.Spectrum, optional
+        Wavelengths [nm] of each lane, in spectral rendering.
     """
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(wo))
+    if wavelengths is not None:
+        si.wavelengths = wavelengths
     si.t = 1.0
     si.n = mi.Normal3f(0, 0, 1)
     si.sh_frame = mi.Frame3f(mi.Vector3f(0, 0, 1))

@@ -22,6 +22,7 @@ from rsibr.effects.kernel import Gaussians, LobeKernel
 from rsibr.effects.proxy import COAT_IOR, refracted, schlick, transmitted
 from rsibr.geometry.resident import resident
 from rsibr.reconstruct.light_stack import LightStack
+from rsibr.reconstruct.mirrored import mean_over_texel
 from rsibr.reconstruct.polar_grid import PolarGrid
 from rsibr.reconstruct.streak import Slant, Streak, spreads_of_lookups
 
@@ -76,8 +77,8 @@ class LobeModel:
     ----------
     light : LightStack
         The light; of a matte lobe its irradiance, in one level.
-    is_matte : bool
-        Whether the lobe follows the normal.
+    is_matte, is_mirror : bool
+        Whether the lobe follows the normal; whether it is a delta.
     alpha : mi.Float
         Roughness that masking and shadowing go by.
     narrow : Rows
@@ -90,6 +91,7 @@ class LobeModel:
 
     light: LightStack
     is_matte: bool
+    is_mirror: bool
     alpha: mi.Float
     narrow: Rows
     bare: Rows
@@ -114,6 +116,7 @@ class LobeModel:
         return cls(
             light=LightStack.irradiance(light, kernel.matte) if kernel.is_matte else stack,
             is_matte=kernel.is_matte,
+            is_mirror=kernel.is_mirror,
             alpha=dr.opaque(mi.Float, kernel.alpha),
             narrow=Rows.of(widths, narrow.plain, narrow.grazing),
             bare=_quadrature(kernel.bare.between(WIDE, np.inf)),
@@ -169,6 +172,8 @@ class LobeModel:
         """
         if self.is_matte:
             return self.light.fetch(frame @ n, mi.UInt32(0))
+        if self.is_mirror:
+            return mean_over_texel(n, frame, spacing, self.light, lambda _cosine: mi.Color3f(1))
         slant = Slant.of(frame @ n, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
         gathered = self._gathered_narrow(slant, spacing)
         return _ratio(gathered if grid is None else _sum(gathered, grid.lookup(n)))

@@ -160,7 +160,8 @@ class MethodSet:
         common = (self._viewpoints, self._sources, triangle_mix(gnomonic_weights), MirrorWarp.between, self._cost)
         is_part, carries = lobe is not None, self._bake.has_views if uses_maps is None else uses_maps
         title = f"{name}/{lobe}" if is_part else name
-        made = kind(title, *common, albedo=albedo, uses_maps=carries, is_part=is_part, **rest)
+        negatives = is_part or self._bake.rendering != "rgb"
+        made = kind(title, *common, albedo=albedo, uses_maps=carries, keeps_negatives=negatives, **rest)
         if not carries:
             return made
         images = [m.radiance if lobe is None else m.layers[self._layer(lobe)] for m in self._maps]

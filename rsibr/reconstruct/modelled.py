@@ -36,13 +36,14 @@ class ModelledMethod(Method):
         Directional albedo of the whole material; it also keeps its place where `sources` holds residuals over it.
     uses_maps : bool
         Whether the residuals take part; without them the method is the model alone.
-    is_part : bool
-        Whether it is a part of a sum, and keeps what it has below zero: only so do the parts add up.
+    keeps_negatives : bool
+        Whether what falls below zero is kept: by a part of a sum, for only so do the parts add up, and in spectral maps,
+        where a colour outside Rec.709 is no mistake.
     """
 
     albedo: LobeAlbedo = field(kw_only=True)
     uses_maps: bool = True
-    is_part: bool = False
+    keeps_negatives: bool = False
 
     def image(self, columns: mi.Float, resolution: int) -> mi.Float:
         """The texels of a map: see `Method.image`."""
@@ -91,7 +92,7 @@ class ModelledMethod(Method):
         return np.asarray((radiance - model) / share, dtype=np.float32)
 
     def _finished(self, radiance: mi.Color3f) -> mi.Color3f:
-        return radiance if self.is_part else dr.maximum(radiance, 0)
+        return radiance if self.keeps_negatives else dr.maximum(radiance, 0)
 
     def _gathered(self, frame: mi.Matrix3f, resolution: int) -> Any:
         """What the model of a whole map can know before its texels; arrays, to be evaluated."""

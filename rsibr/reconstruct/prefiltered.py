@@ -14,6 +14,7 @@ from rsibr.reconstruct.angle_table import AngleTable
 from rsibr.reconstruct.facet_pyramid import balance, finest_resolution, gathered, lookup
 from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.lobe_weights import LobeWeights, albedo_at_nodes, lobe_weights
+from rsibr.reconstruct.mirrored import mean_over_texel
 from rsibr.reconstruct.streak import Slant, Streak
 
 Array = NDArray[np.float64]
@@ -30,11 +31,13 @@ class PrefilteredLobes:
     resolution : int
         Texels a side of the facet pyramid's first level.
     levels : list of AngleTable
-        Weight of each level of the pyramid.
+        Weight of each level of the pyramid; none where no lobe is glossy.
     balance : mi.Float
         Factors on the pyramid's sum; see `facet_pyramid.balance`.
     sharp : AngleTable or None
-        Weight and width of what is narrower than the first level; None where nothing is.
+        Weight and width of what is narrower than the first level, deltas aside; None where nothing is.
+    mirror : AngleTable or None
+        Albedo of a delta lobe; None where there is none.
     matte : list of (LightStack, AngleTable)
         Irradiance and albedo of each matte lobe.
     """
@@ -44,6 +47,7 @@ class PrefilteredLobes:
     levels: list[AngleTable]
     balance: mi.Float
     sharp: AngleTable | None
+    mirror: AngleTable | None
     matte: list[tuple[LightStack, AngleTable]]
 
     @classmethod
@@ -69,14 +73,16 @@ class PrefilteredLobes:
             The one of `lobes` to take alone; the parts of all add up to the whole.
         """
         finest = finest_resolution(resolution)
-        glossy = [lobe for lobe in lobes if not lobe[0].is_matte]
+        glossy = [lobe for lobe in lobes if not lobe[0].is_matte and not lobe[0].is_mirror]
+        mirrors = [albedo for kernel, albedo in lobes if kernel.is_mirror and part in (None, kernel)]
         weights, whole = lobe_weights(glossy, finest, part), lobe_weights(glossy, finest)
         return cls(
             light=stack,
             resolution=finest,
-            levels=_tables(weights),
-            balance=balance(_tables(whole), finest),  # the same for all parts, lest they no longer add up
+            levels=_tables(weights) if glossy else [],
+            balance=balance(_tables(whole), finest) if glossy else mi.Float(0),  # of all parts, so that they add up
             sharp=AngleTable.of(weights.sharp) if weights.has_sharp else None,
+            mirror=AngleTable.of(albedo_at_nodes(mirrors[0])) if mirrors else None,
             matte=[
                 (LightStack.irradiance(light, kernel.matte), AngleTable.of(albedo_at_nodes(albedo)))
                 for kernel, albedo in lobes
@@ -86,6 +92,8 @@ class PrefilteredLobes:
 
     def gathered(self, frame: mi.Matrix3f) -> mi.Float:
         """Light of all glossy lobes over the facet map of `frame`, columns x, y, v; for `radiance`."""
+        if not self.levels:
+            return mi.Float(0)
         return gathered(frame, self.light, self.levels, self.balance, self.resolution)
 
     def radiance(self, n: mi.Vector3f, frame: mi.Matrix3f, facets: mi.Float, spacing: mi.Float) -> mi.Color3f:
@@ -102,11 +110,15 @@ class PrefilteredLobes:
         spacing : mi.Float
             Distance of neighbouring texels in radii of the disk.
         """
-        blurred = lookup(facets, self.resolution, facet_point(n))
-        radiance = mi.Color3f(blurred.x, blurred.y, blurred.z)
+        radiance = mi.Color3f(0)
+        if self.levels:
+            radiance += _colour(lookup(facets, self.resolution, facet_point(n)))
         world = frame @ n
         for irradiance, albedo in self.matte:
             radiance += _colour(albedo.at(n.z)) * irradiance.fetch(world, mi.UInt32(0))
+        if self.mirror is not None:
+            albedo = self.mirror
+            radiance += mean_over_texel(n, frame, spacing, self.light, lambda cosine: _colour(albedo.at(cosine)))
         if self.sharp is None:
             return radiance
         weight = self.sharp.at(n.z)

@@ -9,22 +9,19 @@ f_between.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from rsibr import backend
-from rsibr.errors import InputError
-from rsibr.geometry.resident import resident
-from rsibr.scene.paint_layers import AZIMUTH_NODES, COSINE_NODES, SINE_NODES, CoatTables
+from rsibr.scene.paint_layers import AZIMUTH_NODES, COSINE_NODES, SINE_NODES
 from rsibr.scene.paint_lobes import emerging, ggx, half_turn, microfacet_mirrors, mirrored, refracted
 from rsibr.scene.paint_recipe import PaintRecipe
+from rsibr.scene.paint_spectra import PaintColours, PaintSpectra, along, lookup_table
 
 PLUGIN = "rsibr_car_paint"
 """Name of the BSDF in Mitsuba XML and dictionaries."""
@@ -41,15 +38,16 @@ class _Side:
 
     cosine: mi.Float
     inner: mi.Vector3f
-    transmitted: mi.Spectrum
-    entry: mi.Spectrum
+    transmitted: mi.UnpolarizedSpectrum
+    entry: mi.UnpolarizedSpectrum
 
 
 class CarPaint:
     """Coated paint. Its parameters are those of `PaintRecipe`; all can be changed through `mi.traverse`.
 
     Mitsuba has a BSDF class for each variant: `register` derives from it with these methods. Not differentiable in its
-    parameters.
+    parameters. In spectral variants colours are spectra, by Mitsuba's own reading of what is given, and cannot be
+    changed through `mi.traverse`. In polarised ones its light is taken to leave unpolarised.
 
     Components: pigment (diffuse), coat (glossy; delta where `coat_alpha` is 0), flakes (glossy), and back-reflection
     (glossy) where the paint has any. Light reflected several times below the coat counts as pigment if the pigment took
@@ -59,8 +57,11 @@ class CarPaint:
     def __init__(self, props: mi.Properties) -> None:
         mi.BSDF.__init__(self, props)
         recipe = PaintRecipe.from_properties(props)
+        self._recipe = recipe
         self._parameters = {
-            f.name: (mi.Spectrum if f.type == "Colour" else mi.Float)(getattr(recipe, f.name)) for f in fields(recipe)
+            f.name: (mi.UnpolarizedSpectrum if f.type == "Colour" else mi.Float)(getattr(recipe, f.name))
+            for f in fields(recipe)
+            if f.type != "Colour" or not mi.is_spectral
         }
         self._prepare(recipe)
 
@@ -72,9 +73,12 @@ class CarPaint:
     def parameters_changed(self, keys: list[str]) -> None:  # noqa: ARG002  # any of them enters every table
         """Solve the layers anew."""
         host = {name: np.array(value, dtype=np.float64).ravel() for name, value in self._parameters.items()}
-        given: dict[str, Any] = {f.name: host[f.name] for f in fields(PaintRecipe) if f.type == "Colour"}
+        given: dict[str, Any] = {
+            f.name: host[f.name] for f in fields(PaintRecipe) if f.name in host and f.type == "Colour"
+        }
         given |= {name: float(value[0]) for name, value in host.items() if name not in given}
-        self._prepare(PaintRecipe(**given))
+        self._recipe = replace(self._recipe, **given)
+        self._prepare(self._recipe)
 
     def eval(
         self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
@@ -92,22 +96,30 @@ class CarPaint:
         self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
     ) -> tuple[mi.Spectrum, mi.Float]:
         """Value of f·cos θ_o and density, of the components that are asked for, delta ones excepted."""
+        value, pdf = self._unpolarised(ctx, si, wo, active)
+        return mi.mueller.depolarizer(value) if mi.is_polarized else value, pdf
+
+    def _unpolarised(
+        self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool
+    ) -> tuple[mi.UnpolarizedSpectrum, mi.Float]:
+        """Value of f·cos θ_o for unpolarised light, and density."""
         active = active & (si.wi.z > 0) & (wo.z > 0)
-        i, o = self._side(si.wi), self._side(wo)
+        colours = self._spectra.at(si)
+        i, o = self._side(si.wi, colours), self._side(wo, colours)
         shares = self._shares(ctx, i.cosine)
         through = i.transmitted * o.transmitted * (o.cosine / self._eta**2)
         squeeze = o.cosine / (self._eta**2 * o.inner.z)  # dω' / dω
-        value, pdf = mi.Spectrum(0), mi.Float(0)
+        value, pdf = mi.UnpolarizedSpectrum(0), mi.Float(0)
         if PIGMENT in shares:
-            value += through * self._diffuse * i.entry * o.entry * dr.inv_pi
+            value += through * colours.diffuse * i.entry * o.entry * dr.inv_pi
             pdf += shares[PIGMENT] * o.cosine * dr.inv_pi
         if FLAKES in shares:
             lobe, density = microfacet_mirrors(self._flake_ggx, i.inner, o.inner)
-            value += through * (self._flakes * lobe + self._between(i.inner, o.inner))
+            value += through * (colours.flakes * lobe + self._between(i.inner, o.inner, colours))
             pdf += shares[FLAKES] * density * squeeze
         if RETRO in shares:
             lobe, density = microfacet_mirrors(self._retro_ggx, i.inner, half_turn(o.inner))
-            value += through * self._retro * lobe
+            value += through * colours.retro * lobe
             pdf += shares[RETRO] * density * squeeze
         if COAT in shares and not self._is_smooth:
             lobe, density = microfacet_mirrors(self._coat_ggx, si.wi, wo)
@@ -137,14 +149,15 @@ class CarPaint:
             kind = int(self.m_components[component]) & int(mi.BSDFFlags.All)
             drawn.sampled_type = dr.select(chosen, mi.UInt32(kind), drawn.sampled_type)
         active = active & (si.wi.z > 0) & (drawn.wo.z > 0)
-        value, drawn.pdf = self.eval_pdf(ctx, si, drawn.wo, active)
+        value, drawn.pdf = self._unpolarised(ctx, si, drawn.wo, active)
         weight = value / dr.select(drawn.pdf > 0, drawn.pdf, 1)
         if COAT in shares and self._is_smooth:
             mirrored = drawn.sampled_component == COAT
             drawn.pdf = dr.select(mirrored, shares[COAT], drawn.pdf)
             weight = dr.select(mirrored, mi.fresnel(si.wi.z, self._eta)[0] / shares[COAT], weight)
         active = active & (drawn.pdf > 0)
-        return drawn, dr.select(active, weight, 0)
+        weight = dr.select(active, weight, 0)
+        return drawn, mi.mueller.depolarizer(weight) if mi.is_polarized else weight
 
     def to_string(self) -> str:
         """Name and parameters."""
@@ -161,35 +174,37 @@ class CarPaint:
         self.m_components = [kind | flags.FrontSide for kind in kinds]
         self.m_flags = int(np.bitwise_or.reduce([int(kind) for kind in self.m_components]))
         self._is_smooth = recipe.coat_alpha == 0
-        self._eta, self._depth = _scalar(recipe.int_ior), _colour(recipe.depth)
-        self._diffuse, self._flakes = _colour(tables.diffuse), _colour(recipe.flakes.reflectance)
-        self._retro = _colour(recipe.retro.reflectance)
+        self._eta = dr.opaque(mi.Float, recipe.int_ior)
         self._flake_ggx, self._retro_ggx = ggx(recipe.flakes.alpha), ggx(recipe.retro.alpha)
         self._coat_ggx = ggx(max(recipe.coat_alpha, 1e-4))
-        self._upload(tables)
+        self._spectra = PaintSpectra(
+            tables.diffuse,
+            recipe.flakes.reflectance,
+            recipe.retro.reflectance,
+            recipe.depth,
+            tables.entry,
+            tables.interreflection,
+        )
+        self._by_cosine = lookup_table(np.column_stack([tables.coat, self._spectra.entry]), 1)
+        self._share_table = lookup_table(tables.albedo, 1)
+        self._between_table = lookup_table(self._spectra.between, 3)
 
-    def _upload(self, tables: CoatTables) -> None:
-        self._by_cosine = _texture(np.column_stack([tables.coat, tables.entry]), 1)
-        self._share_table = _texture(tables.albedo, 1)
-        self._between_table = _texture(tables.interreflection, 3)
-
-    def _side(self, w: mi.Vector3f) -> _Side:
+    def _side(self, w: mi.Vector3f, colours: PaintColours) -> _Side:
         cosine = dr.maximum(w.z, _LEAST_COSINE)
-        ratio, *entry = self._by_cosine.eval(_along(dr.sqrt(cosine), COSINE_NODES))[: 1 + dr.size_v(mi.Spectrum)]
+        ratio, *entry = self._by_cosine.eval(along(dr.sqrt(cosine), COSINE_NODES))
         inner = refracted(w, self._eta)
         through = 1 - mi.fresnel(cosine, self._eta)[0] * ratio
-        return _Side(cosine, inner, through * dr.exp(-self._depth / inner.z), mi.Spectrum(entry))
+        return _Side(cosine, inner, through * dr.exp(-colours.depth / inner.z), colours.entry(entry))
 
-    def _between(self, i: mi.Vector3f, o: mi.Vector3f) -> mi.Spectrum:
+    def _between(self, i: mi.Vector3f, o: mi.Vector3f, colours: PaintColours) -> mi.UnpolarizedSpectrum:
         """BRDF of two and more reflections among flakes, from the table."""
         azimuth = dr.abs(dr.atan2(i.x * o.y - i.y * o.x, i.x * o.x + i.y * o.y))
-        sines = [_along(dr.minimum(dr.hypot(w.x, w.y) * self._eta, 1), SINE_NODES) for w in (i, o)]
-        found = self._between_table.eval(mi.Point3f(*sines, _along(azimuth * dr.inv_pi, AZIMUTH_NODES)))
-        return mi.Spectrum(found[: dr.size_v(mi.Spectrum)])
+        sines = [along(dr.minimum(dr.hypot(w.x, w.y) * self._eta, 1), SINE_NODES) for w in (i, o)]
+        return colours.between(self._between_table.eval(mi.Point3f(*sines, along(azimuth * dr.inv_pi, AZIMUTH_NODES))))
 
     def _shares(self, ctx: mi.BSDFContext, cosine: mi.Float) -> dict[int, mi.Float]:
         """Probability of each component that the context asks for: its share of the albedo."""
-        albedo = self._share_table.eval(_along(dr.safe_sqrt(cosine), COSINE_NODES))
+        albedo = self._share_table.eval(along(dr.safe_sqrt(cosine), COSINE_NODES))
         asked = [k for k, kind in enumerate(self.m_components) if ctx.is_enabled(_kind(kind), k)]
         floor = 1e-6  # a paint without pigment asked for its pigment: nothing, but not by dividing by zero
         total = sum((albedo[k] + floor for k in asked), mi.Float(0))
@@ -213,10 +228,7 @@ def register() -> None:
 
 
 def _create(props: mi.Properties) -> Any:
-    variant = mi.variant()
-    if "spectral" in variant or "polarized" in variant:
-        raise InputError(f"works in the RGB and mono variants of Mitsuba, not in {variant}")
-    return _class_for(variant)(props)
+    return _class_for(mi.variant())(props)
 
 
 @cache
@@ -232,28 +244,3 @@ def _kind(flags: int) -> mi.BSDFFlags:
         for kind in (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection, mi.BSDFFlags.DeltaReflection)
         if int(flags) & int(kind)
     )
-
-
-def _along(position: mi.Float, nodes: int) -> mi.Float:
-    """Texture coordinate of a position 0 … 1 between the first and the last of `nodes` texels."""
-    return (position * (nodes - 1) + 0.5) / nodes
-
-
-def _texture(values: NDArray[np.float64], dimensions: int) -> Any:
-    """A table with linear interpolation in float32; channels padded to four, which one load can fetch."""
-    padded = np.zeros((*values.shape[:dimensions], 4), dtype=np.float32)
-    padded[..., : values.shape[-1]] = values
-    kind = {1: mi.Texture1f, 3: mi.Texture3f}[dimensions]
-    if not dr.is_jit_v(mi.Float):
-        return kind(mi.TensorXf(padded))
-    return kind(mi.TensorXf(resident(mi.Float, padded), shape=padded.shape), use_accel=False)
-
-
-def _scalar(value: float) -> mi.Float:
-    return dr.opaque(mi.Float, value)
-
-
-def _colour(values: Iterable[float]) -> mi.Spectrum:
-    colour = mi.Spectrum([float(v) for v in values])
-    dr.make_opaque(colour)
-    return colour

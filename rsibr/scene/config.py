@@ -18,7 +18,6 @@ from pydantic import (
     Field,
     ValidationError,
     ValidationInfo,
-    field_validator,
     model_validator,
 )
 
@@ -216,8 +215,10 @@ class EffectsConfig(_Section):
     resolution : Switch
         Whether maps keep all their texels; off: as few a side as the evidence allows, at most half of what was asked
         and no fewer than 32. `auto` lowers them only where the config itself does not set `map.resolution`.
-    spectral, polarisation : {"auto", "off"}
-        Looked for and flagged; a bake is of RGB radiance.
+    spectral : Switch
+        Light and material rendered at sampled wavelengths; maps hold the linear RGB that an observer sees of it.
+    polarisation : Switch
+        Light and material as Mueller matrices, in spectra, for Mitsuba has no polarised RGB; maps hold the intensity.
     """
 
     lobes: Literal["auto", "off"] = "auto"
@@ -233,12 +234,11 @@ class EffectsConfig(_Section):
     spectral: Switch = "auto"
     polarisation: Switch = "auto"
 
-    @field_validator("spectral", "polarisation")
-    @classmethod
-    def _is_not_rendered(cls, value: Switch) -> Switch:
-        if value == "on":
-            raise ValueError('cannot be forced on: a bake holds RGB radiance, unpolarised. Leave it at "auto"')
-        return value
+    @model_validator(mode="after")
+    def _polarised_in_spectra(self) -> EffectsConfig:
+        if self.polarisation == "on" and self.spectral == "off":
+            raise ValueError('polarisation is rendered in spectra only: leave spectral at "auto"')
+        return self
 
     @model_validator(mode="after")
     def _left_out_apart(self) -> EffectsConfig:

@@ -18,6 +18,7 @@ from rsibr.scene.config import EnvironmentConfig
 from rsibr.scene.latlong import LatLong, read_latlong
 from rsibr.scene.orientation import rotated
 from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files, require_files
+from rsibr.scene.spectra import in_every_variant
 from rsibr.scene.trial import require_survival
 
 _WHERE = "environment.emitter"
@@ -70,12 +71,17 @@ class Environment:
         """Columns of the map; 0 for an emitter that is none."""
         return 0 if self.image is None else self.image.shape[1]
 
+    @property
+    def is_black(self) -> bool:
+        """Whether it is a map without any light."""
+        return self.image is not None and not self.image.any()
+
     def emitter(self) -> dict[str, Any]:
         """Return the emitter as a dict for `mi.load_dict`, to be nested in a scene.
 
         An image without light becomes a `constant` emitter of radiance 0: Mitsuba's density of a black envmap is NaN.
         """
-        if self.image is not None and not self.image.any():
+        if self.is_black:
             return {"type": "constant", "radiance": 0.0}
         emitter = dict(self.plugin)
         if "to_world" in emitter:
@@ -109,7 +115,7 @@ def load_environment(config: EnvironmentConfig) -> Environment:
         require_survival(config, _WHERE)
     plugin: dict[str, Any] = config.emitter or {"type": "envmap", "filename": str(config.file)}
     name = config.file.stem if config.file else str(plugin["type"])
-    plugin = rotated(plugin, config.rotation_deg, _WHERE)
+    plugin = in_every_variant(rotated(plugin, config.rotation_deg, _WHERE), _WHERE)
     build = _map if plugin["type"] == "envmap" else _plain
     environment = build(name, plugin, config.scale)
     _check_emitter(environment, str(config.file) if config.file else _WHERE)

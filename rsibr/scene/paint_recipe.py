@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from rsibr.errors import InputError
 from rsibr.scene.paint_layers import CoatTables, Gloss, solve_layers
-from rsibr.scene.pigments import pigment_reflectance
+from rsibr.scene.paint_spectra import NODES
+from rsibr.scene.pigments import pigment_reflectance, pigment_spectrum
 
 Colour = NDArray[np.float64]
 
@@ -88,6 +89,8 @@ class PaintRecipe:
     def from_properties(cls, properties: mi.Properties) -> PaintRecipe:
         """Read the parameters that Mitsuba hands to a plugin, in the channels of the current variant.
 
+        In spectral variants a channel stands for each of `rsibr.scene.paint_spectra.NODES`.
+
         Raises
         ------
         InputError
@@ -100,7 +103,7 @@ class PaintRecipe:
                 is_colour = parameter.type == "Colour"
                 given[name] = _colour(properties, name) if is_colour else _number(properties, name)
             elif parameter.type == "Colour":
-                given[name] = cls().__dict__[name][: dr.size_v(mi.Spectrum)]
+                given[name] = np.full(_channels(), cls().__dict__[name][0])
         if unknown := properties.unqueried():
             names = ", ".join(f"'{name}'" for name in unknown)
             known = ", ".join(parameter.name for parameter in fields(cls))
@@ -151,10 +154,26 @@ def _number(properties: mi.Properties, name: str) -> float:
     return float(value)
 
 
+def _channels() -> int:
+    return len(NODES) if mi.is_spectral else dr.size_v(mi.UnpolarizedSpectrum)
+
+
 def _colour(properties: mi.Properties, name: str) -> Colour:
     if properties.type(name) == mi.Properties.Type.String:
-        colour = pigment_reflectance(properties[name])
-        return colour if dr.size_v(mi.Spectrum) == 3 else colour @ [[0.2126], [0.7152], [0.0722]]
+        return _pigment(properties[name])
     read = properties.get_unbounded_texture if name in _UNBOUNDED else properties.get_texture
-    value = read(name).eval(dr.zeros(mi.SurfaceInteraction3f))
-    return np.array(value, dtype=np.float64).ravel()
+    texture, si = read(name), dr.zeros(mi.SurfaceInteraction3f)
+    if not mi.is_spectral:
+        return np.array(texture.eval(si), dtype=np.float64).ravel()
+    values = []
+    for four in NODES.reshape(-1, 4):
+        si.wavelengths = mi.UnpolarizedSpectrum([dr.opaque(mi.Float, nm) for nm in four.tolist()])
+        values.append(np.array(texture.eval(si), dtype=np.float64).ravel())
+    return np.concatenate(values)
+
+
+def _pigment(name: str) -> Colour:
+    if mi.is_spectral:
+        return pigment_spectrum(name, NODES)
+    colour = pigment_reflectance(name)
+    return colour if _channels() == 3 else colour @ [[0.2126], [0.7152], [0.0722]]

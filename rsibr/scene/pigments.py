@@ -1,8 +1,9 @@
-"""Pigments by name: measured spectral reflectances of painted patches, from colour-science, as linear Rec.709."""
+"""Pigments by name: measured spectral reflectances of painted patches, from colour-science; as they are, and as linear Rec.709."""
 
 from __future__ import annotations
 
 import difflib
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,28 @@ def pigment_reflectance(name: str) -> NDArray[np.float64]:
     """
     import colour  # noqa: PLC0415  # takes a second, and most paints are given as RGB
 
+    patch = _patch(name)
+    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    daylight = colour.SDS_ILLUMINANTS["D65"].copy().align(observer.shape)
+    xyz = colour.sd_to_XYZ(patch, observer, daylight) / 100
+    return np.clip(colour.XYZ_to_RGB(xyz, "ITU-R BT.709", apply_cctf_encoding=False), 0.0, 1.0)
+
+
+def pigment_spectrum(name: str, wavelengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Reflectance of a chart's patch at wavelengths [nm], 0 … 1; beyond what was measured as at its ends.
+
+    Raises
+    ------
+    InputError
+        If there is no such patch.
+    """
+    patch = _patch(name)
+    return np.clip(np.interp(wavelengths, patch.wavelengths, patch.values), 0.0, 1.0)
+
+
+def _patch(name: str) -> Any:
+    import colour  # noqa: PLC0415  # takes a second, and most paints are given as RGB
+
     patches = colour.SDS_COLOURCHECKERS[CHART]
     if name not in patches:
         near = difflib.get_close_matches(name, patches, n=1)
@@ -46,7 +69,4 @@ def pigment_reflectance(name: str) -> NDArray[np.float64]:
             f"there is no pigment '{name}'{f' (did you mean {near[0]!r}?)' if near else ''}, only colours and: "
             f"{', '.join(patches)}"
         )
-    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
-    daylight = colour.SDS_ILLUMINANTS["D65"].copy().align(observer.shape)
-    xyz = colour.sd_to_XYZ(patches[name], observer, daylight) / 100
-    return np.clip(colour.XYZ_to_RGB(xyz, "ITU-R BT.709", apply_cctf_encoding=False), 0.0, 1.0)
+    return patches[name]

@@ -71,9 +71,11 @@ class Rates:
     @cached_property
     def bake(self) -> float:
         """Samples a second of the bake."""
-        bsdf, emitter = self._scene.material.bsdf(), self._scene.environment.emitter()
-        integrator = SphereIntegrator(emitter, bsdf, _PROBE_RESOLUTION, LobeSplit.of(bsdf))
-        seconds = _seconds_of(lambda: integrator.block(self._frame, _PROBE_SAMPLES, self._seeds))
+        split = LobeSplit.of(self._scene.material.bsdf())
+        with backend.rendering(self._scene.rendering):
+            parts = self._scene.environment.emitter(), self._scene.material.bsdf()
+            integrator = SphereIntegrator(*parts, _PROBE_RESOLUTION, split)
+            seconds = _seconds_of(lambda: integrator.block(self._frame, _PROBE_SAMPLES, self._seeds))
         return float(integrator.coverage.sum()) * _PROBE_SAMPLES / seconds
 
     @cached_property

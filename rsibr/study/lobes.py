@@ -38,7 +38,7 @@ def lobe_truth(scene: Scene, frame: NDArray[np.float64], samples: int, store: Tr
     def make() -> tuple[Arrays, dict[str, object]]:
         split = LobeSplit.of(scene.material.bsdf())
         truth = LobeReference(
-            scene.environment, scene.material, scene.resolution, split,
+            scene.environment, scene.material, scene.resolution, split, scene.rendering,
             samples=samples, buffers=MINIMUM_BUFFERS, seed=scene.seed,
         )  # fmt: skip
         buffers = truth.buffers(frame)

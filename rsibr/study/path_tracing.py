@@ -54,12 +54,13 @@ class PathTracer(ReferenceRenderer):
             Time of the rendering, device finished, nothing compiled.
         """
         launches, spp = self.launches(samples, pass_samples)
-        self._look_along(frame)
-        self._warm_up(spp)
-        start = time.perf_counter()
-        films = [self._film(int(seed), spp) for seed in seeds.generate_state(launches)]
-        backend.synchronize()
-        seconds = time.perf_counter() - start
+        with backend.rendering(self.rendering):  # changing variants takes its time, and is no part of a picture
+            self._look_along(frame)
+            self._warm_up(spp)
+            start = time.perf_counter()
+            films = [self._film(int(seed), spp) for seed in seeds.generate_state(launches)]
+            backend.synchronize()
+            seconds = time.perf_counter() - start
         film = np.asarray(np.mean(films, axis=0, dtype=np.float64))
         covered = film[..., 3:] > 0
         image = np.where(covered, film[..., :3] / np.where(covered, film[..., 3:], 1.0), 0.0)

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rsibr
+from rsibr.backend import Rendering
 from rsibr.bake.atomic import file_checksum
+from rsibr.effects.plan_colour import ColourEffects
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.scene.config import Config
@@ -61,9 +63,14 @@ class Scene:
         return self.config.sampling.seed
 
     @cached_property
+    def rendering(self) -> Rendering:
+        """What the bakes of this scene carry along a path, and its truth as well."""
+        return ColourEffects.of(self.config).rendering
+
+    @cached_property
     def tracer(self) -> PathTracer:
         """Path tracer at the judged resolution, compiled once."""
-        return PathTracer(self.environment, self.material, self.resolution)
+        return PathTracer(self.environment, self.material, self.resolution, self.rendering)
 
     @cached_property
     def content(self) -> dict[str, Any]:

@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr import backend
+from rsibr.backend import Rendering
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.effects.lobes import LobeSplit
 from rsibr.scene.environment import Environment
@@ -29,6 +31,8 @@ class LobeReference:
         Texels a side.
     split : LobeSplit
         How the material is split into lobes.
+    rendering : Rendering
+        What a sample carries: as the bake.
     samples, buffers : int
         Samples a texel in all, at least, and in how many buffers.
     seed : int
@@ -41,12 +45,14 @@ class LobeReference:
         material: Material,
         resolution: int,
         split: LobeSplit,
+        rendering: Rendering,
         *,
         samples: int,
         buffers: int,
         seed: int,
     ) -> None:
-        self._integrator = SphereIntegrator(environment.emitter(), material.bsdf(), resolution, split)
+        with backend.rendering(rendering):
+            self._integrator = SphereIntegrator(environment.emitter(), material.bsdf(), resolution, split)
         self._each, self._buffers, self._seed = -(-samples // buffers), buffers, seed
 
     @property
@@ -69,7 +75,8 @@ class LobeReference:
         view = (frame[:, 2] + 0.0).view(np.uint32)  # + 0.0: −0 and 0 are one direction
         branches = [(_LOBE_BRANCH, *map(int, view), number) for number in range(self._buffers)]
         seeds = [np.random.SeedSequence(self._seed, spawn_key=branch) for branch in branches]
-        return np.stack([self._integrator.block(frame, self._each, branch) for branch in seeds])
+        with backend.rendering(self._integrator.rendering):
+            return np.stack([self._integrator.block(frame, self._each, branch) for branch in seeds])
 
     def image(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Lay values of the covered texels out as an image, zero elsewhere."""

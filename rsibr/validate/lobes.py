@@ -137,7 +137,7 @@ class LobeJudge:
                 fix="bake it again, or leave the lobes out (--no-lobes)",
             )
         self._reference = LobeReference(
-            environment, material, bake.resolution, split,
+            environment, material, bake.resolution, split, bake.rendering,
             samples=samples, buffers=buffers, seed=int(bake.config["sampling"]["seed"]),
         )  # fmt: skip
         self._parts = {name: methods.prefiltered(lobe=name) if name in stored else None for name in split.names}

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr import backend
+from rsibr.backend import Rendering
 from rsibr.errors import InputError
 
 MINIMUM_BUFFERS = 8
@@ -98,13 +99,18 @@ class ReferenceRenderer:
         Has `bsdf()`: a `Material`.
     resolution : int
         Texels a side.
+    rendering : {"rgb", "spectral", "spectral_polarized"}
+        What Mitsuba carries along its paths. Its film turns spectra into linear RGB by itself.
     """
 
-    def __init__(self, environment: Emitting, material: Reflecting, resolution: int) -> None:
-        backend.use()
+    def __init__(
+        self, environment: Emitting, material: Reflecting, resolution: int, rendering: Rendering = "rgb"
+    ) -> None:
         self.resolution = resolution
-        self._scene = mi.load_dict(_scene(environment, material, resolution))
-        self._parameters = mi.traverse(self._scene)
+        self.rendering = rendering
+        with backend.rendering(rendering):
+            self._scene = mi.load_dict(_scene(environment, material, resolution))
+            self._parameters = mi.traverse(self._scene)
         self._compiled: set[int] = set()
 
     def render(self, frame: ArrayLike, samples: int, seed: int = 0, buffers: int = MINIMUM_BUFFERS) -> Reference:
@@ -131,9 +137,13 @@ class ReferenceRenderer:
         InputError
             If there are fewer than 8 buffers, or fewer samples than buffers.
         """
-        frame = np.asarray(frame, dtype=np.float64)
         passes, spp = _passes(samples, buffers, self.resolution)
+        frame = np.asarray(frame, dtype=np.float64)
         seeds = _seeds(seed, frame, buffers * passes).reshape(buffers, passes)
+        with backend.rendering(self.rendering):
+            return self._rendered(frame, seeds, spp)
+
+    def _rendered(self, frame: NDArray[np.float64], seeds: NDArray[np.uint32], spp: int) -> Reference:
         self._look_along(frame)
         compile_seconds = self._warm_up(spp)
 
@@ -143,7 +153,7 @@ class ReferenceRenderer:
         seconds = time.perf_counter() - start
 
         radiance, coverage = _without_coverage(films)
-        return Reference(radiance, coverage, buffers * passes * spp, seconds, compile_seconds)
+        return Reference(radiance, coverage, seeds.size * spp, seconds, compile_seconds)
 
     def _look_along(self, frame: NDArray[np.float64]) -> None:
         """Turn the camera; its transform is an opaque value of the kernel, so nothing is compiled anew."""
@@ -182,12 +192,13 @@ def render_reference(
     *,
     seed: int = 0,
     buffers: int = MINIMUM_BUFFERS,
+    rendering: Rendering = "rgb",
 ) -> Reference:
     """Path-trace the sphere map of a single view; for more than one, keep a `ReferenceRenderer`.
 
     Parameters
     ----------
-    environment, material, resolution
+    environment, material, resolution, rendering
         As in `ReferenceRenderer`.
     frame, samples, seed, buffers
         As in `ReferenceRenderer.render`.
@@ -196,7 +207,7 @@ def render_reference(
     -------
     Reference
     """
-    return ReferenceRenderer(environment, material, resolution).render(frame, samples, seed, buffers)
+    return ReferenceRenderer(environment, material, resolution, rendering).render(frame, samples, seed, buffers)
 
 
 def _scene(environment: Emitting, material: Reflecting, resolution: int) -> dict[str, Any]:

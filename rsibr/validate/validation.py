@@ -99,7 +99,7 @@ def validate(
     by_lobe = has_lobes(opened, names, lobes)
     health = _trusted_health(opened, [view for _, view in chosen], out)
     environment, material = _scene_of(opened)
-    renderer = ReferenceRenderer(environment, material, opened.resolution)
+    renderer = ReferenceRenderer(environment, material, opened.resolution, opened.rendering)
     method_set = MethodSet(opened)
     of_lobes = max(samples // LOBE_SAMPLES, buffers)
     judge = LobeJudge(opened, environment, material, method_set, of_lobes, buffers) if by_lobe else None

@@ -14,6 +14,7 @@ SWITCHES = (
     "view_dependence",
     *("diffuse", "glossy", "clear_coat", "mirror"),
     *("fresnel", "colour", "light_sampling", "resolution"),
+    *("spectral", "polarisation"),
 )
 
 
@@ -79,8 +80,7 @@ def test_what_is_forced_off_and_matters_is_said(shell, tmp_path):
     [
         ("effects.difuse=off", "did you mean 'effects.diffuse'"),
         ("effects.diffuse=maybe", "effects.diffuse"),
-        ("effects.spectral=on", "cannot be forced on"),
-        ("effects.polarisation=on", "cannot be forced on"),
+        ("effects={spectral='off',polarisation='on'}", "polarisation is rendered in spectra only"),
         ("effects.diffuse=off", "nothing is left to bake"),
         ("map.resolution=3", "map.resolution = 3"),
         ("environment.file=gone.exr", "gone.exr"),

@@ -7,42 +7,14 @@ import pytest
 from rsibr.effects.metamerism import rgb_mismatch
 from rsibr.effects.plan_colour import JUST_NOTICEABLE, spectral_effect
 from rsibr.errors import InputError
-
-GRID = np.arange(380.0, 781.0, 5.0)
-OBSERVER = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(colour.SpectralShape(380, 780, 5))
-DAYLIGHT = colour.SDS_ILLUMINANTS["D65"].copy().align(colour.SpectralShape(380, 780, 5)).values
-
-
-def spectrum(values, grid=GRID):
-    return {"type": "spectrum", "value": [[float(w), float(v)] for w, v in zip(grid, values, strict=True)]}
-
-
-def matte(values):
-    return {"type": "diffuse", "reflectance": spectrum(values)}
-
-
-def lines(*centres):
-    """A lamp of narrow lines over a faint continuum."""
-    return 0.05 + sum(3 * np.exp(-(((GRID - centre) / 6) ** 2)) for centre in centres)
-
-
-def light(values):
-    return {"type": "constant", "radiance": spectrum(values)}
+from rsibr.scene.config import EffectsConfig
+from tests.effects.metamers import DAYLIGHT, GRID, OBSERVER, light, lines, matte, metamers
 
 
 def xyz(illuminant, reflectance):
     """By hand: Σ S R x̄, over the luminance of white."""
     weighted = OBSERVER.values * illuminant[:, None]
     return (weighted * reflectance[:, None]).sum(0) / weighted[:, 1].sum()
-
-
-def metamers():
-    """Two reflectances of one colour under daylight: they differ by what the observer's three responses do not see."""
-    base = 0.5 + 0.2 * np.sin((GRID - 380) / 60)
-    seen = (OBSERVER.values * DAYLIGHT[:, None]).T
-    wiggle = 0.3 * np.sin((GRID - 380) / 18) * np.exp(-(((GRID - 570) / 110) ** 2))
-    unseen = wiggle - np.linalg.pinv(seen) @ (seen @ wiggle)
-    return base, np.clip(base + unseen, 0, 1)
 
 
 def test_the_two_are_metamers_under_daylight_and_none_under_lines():
@@ -80,18 +52,20 @@ def test_a_neutral_pigment_keeps_its_colour_under_any_light(lamp):
 
 def test_without_spectra_there_is_nothing_to_mismatch():
     assert rgb_mismatch({"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.1, 0.2, 0.3]}}, None) is None
-    effect = spectral_effect({"type": "diffuse"}, None)
+    effect = spectral_effect({"type": "diffuse"}, None, EffectsConfig())
     assert not effect.on
     assert not effect.missed
 
 
-def test_what_rgb_gets_wrong_is_flagged_with_its_error():
-    effect = spectral_effect(matte(metamers()[1]), light(lines(436, 546, 611)))
-    assert effect.missed
+def test_what_rgb_gets_wrong_calls_for_spectra():
+    effect = spectral_effect(matte(metamers()[1]), light(lines(436, 546, 611)), EffectsConfig())
+    assert effect.on
     assert effect.evidence > JUST_NOTICEABLE
     assert effect.error_if_left_out > 1e-4
     assert "reflectance" in effect.why
-    assert not spectral_effect(matte(np.full_like(GRID, 0.4)), None).missed
+    assert not spectral_effect(matte(np.full_like(GRID, 0.4)), None, EffectsConfig()).on
+    off = spectral_effect(matte(metamers()[1]), light(lines(436, 546, 611)), EffectsConfig(spectral="off"))
+    assert off.missed
 
 
 def test_spectra_are_found_in_xml_and_in_nested_plugins(tmp_path):

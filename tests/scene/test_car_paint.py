@@ -20,7 +20,6 @@ from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
 from rsibr.scene.pigments import pigment_reflectance
 from tests.arrays import unit_vectors
-from tests.scene.goniophotometer import flat, layers, measure, sky
 
 RICH = {"flake_density": 3000.0, "flake_tint": 0.8, "retro_share": 0.3, "coat_alpha": 0.05}
 """A paint that has everything."""
@@ -348,7 +347,7 @@ def other_variant():
     backend.use()
 
 
-@pytest.mark.parametrize("variant", ["llvm_ad_mono", "scalar_rgb"])
+@pytest.mark.parametrize("variant", ["llvm_ad_mono", "scalar_rgb", "llvm_ad_mono_polarized", "scalar_spectral"])
 def test_other_variants_give_the_same_values(other_variant, variant):
     def value():
         si = dr.zeros(mi.SurfaceInteraction3f)
@@ -359,87 +358,3 @@ def test_other_variants_give_the_same_values(other_variant, variant):
     usual = value()
     other_variant(variant)
     assert value() == pytest.approx(usual, rel=1e-5)
-
-
-@pytest.mark.parametrize("variant", ["llvm_ad_spectral", "llvm_ad_mono_polarized"])
-def test_variants_that_cannot_be(other_variant, variant):
-    other_variant(variant)
-    with pytest.raises(RuntimeError, match=f"works in the RGB and mono variants of Mitsuba, not in {variant}"):
-        paint()
-
-
-# ------------------------------------------------- against path-traced real layers
-
-COLOUR, TINT = rgb(0.8, 0.4, 0.1), rgb(0.95, 0.8, 0.5)
-LAYERED = {
-    "pigment": (0.0, 0.25, 0.0),
-    "pigment, absorbing coat": (0.0, 0.25, 0.3),
-    "flakes alone": (1 - 1e-9, 0.25, 0.0),
-    "flat flakes over pigment": (0.6, 0.1, 0.0),
-    "tilted flakes, absorbing coat": (0.5, 0.4, 0.2),
-}
-"""Share of the area with flakes, their GGX α, optical depth of the coat."""
-
-ANGLES = (0, 30, 60, 75, 85)
-
-
-def real(coverage, alpha, depth, coat_alpha=0.0):
-    pigment = {"type": "diffuse", "reflectance": COLOUR}
-    metal = {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": alpha}
-    metal["specular_reflectance"] = TINT
-    return layers(
-        {"type": "blendbsdf", "weight": coverage, "a": pigment, "b": metal}, depth=depth, coat_alpha=coat_alpha
-    )
-
-
-def painted(coverage, alpha, depth, coat_alpha=0.0):
-    size = 4 / alpha
-    flakes = {"flake_tint": TINT, "flake_size": size, "flake_density": density(coverage, size)}
-    coat = {"coat_alpha": coat_alpha, "coat_thickness": 1000.0, "coat_absorption": rgb(depth, depth, depth)}
-    return flat({"type": PLUGIN, "pigment": COLOUR, **flakes, **coat})
-
-
-def differences(layered, angle, light, samples):
-    """Car paint over real layers, less one, a channel each; and the standard error of that."""
-    polar = np.radians(angle)
-    truth = measure(real(*layered), light, polar, samples, seed=1)
-    found = measure(painted(*layered), light, polar, samples, seed=2)
-    return found.value / truth.value - 1, np.hypot(truth.error / truth.value, found.error / found.value)
-
-
-@pytest.mark.parametrize("name", LAYERED)
-def test_albedo_of_real_layers(name):
-    """Directional albedo at five angles within 0.5 % beyond four standard errors (0.1 to 0.4 % each)."""
-    for angle in ANGLES:
-        difference, error = differences(LAYERED[name], angle, {"type": "constant", "radiance": 1.0}, 1 << 17)
-        assert (error < 0.01).all()
-        assert (np.abs(difference) < 0.005 + 4 * error).all(), (angle, difference, error)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", LAYERED)
-def test_brdf_of_real_layers(name):
-    """Under three soft lights (mirror direction; back near the normal; to the side), one a channel.
-
-    Within 1 % beyond four standard errors (below 2 % each) at five angles.
-    """
-    for angle in ANGLES:
-        polar = np.radians(angle)
-        axes = [[-np.sin(polar), np.cos(polar), 0], [np.sin(0.5), np.cos(0.5), 0], [0, np.cos(0.7), np.sin(0.7)]]
-        difference, error = differences(LAYERED[name], angle, sky(axes, sharpness=60.0), 1 << 20)
-        assert (error < 0.02).all()
-        assert (np.abs(difference) < 0.01 + 4 * error).all(), (angle, difference, error)
-
-
-@pytest.mark.slow
-def test_albedo_of_real_layers_below_a_rough_coat():
-    """Within 1 % beyond four standard errors up to 75°, for the presets' coat.
-
-    The approximation keeps the energy. Mitsuba's rough dielectric does not: over a white ground it loses 0.3 % up to
-    75° and 1.5 % at 85° itself.
-    """
-    for angle in (0, 30, 60, 75):
-        light = {"type": "constant", "radiance": 1.0}
-        difference, error = differences((0.6, 0.2, 0.0, 0.015), angle, light, 1 << 18)
-        assert (error < 0.005).all()
-        assert (np.abs(difference) < 0.01 + 4 * error).all(), (angle, difference, error)

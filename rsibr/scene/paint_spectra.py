@@ -1,0 +1,134 @@
+"""What a paint's layers give, at the channels or the wavelengths of a sample.
+
+In RGB a table holds a channel each. In spectra the layers are solved at `NODES` wavelengths, and a table over directions
+holds the few functions of which the table of any wavelength is a sum: a coloured paint needs no more to a part in 10⁴.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.geometry.resident import resident
+
+Array = NDArray[np.float64]
+
+NODES = np.linspace(360.0, 830.0, 48)
+"""Wavelengths [nm] at which a paint is solved in spectral rendering; linear between them."""
+
+_RANKS = {"entry": 3, "between": 4}  # with the coat's albedo the first makes four: what one lookup can fetch
+
+
+@dataclass(frozen=True)
+class PaintColours:
+    """A paint at the channels or wavelengths of a sample.
+
+    Attributes
+    ----------
+    diffuse, flakes, retro, depth : mi.UnpolarizedSpectrum
+        See `CoatTables.diffuse`, and `PaintRecipe`.
+    entry, between : callable
+        From what the tables over directions hold to a value each.
+    """
+
+    diffuse: mi.UnpolarizedSpectrum
+    flakes: mi.UnpolarizedSpectrum
+    retro: mi.UnpolarizedSpectrum
+    depth: mi.UnpolarizedSpectrum
+    entry: Callable[[list[mi.Float]], mi.UnpolarizedSpectrum]
+    between: Callable[[list[mi.Float]], mi.UnpolarizedSpectrum]
+
+
+class PaintSpectra:
+    """Colours of a paint, and how its tables over directions are held.
+
+    Parameters
+    ----------
+    diffuse, flakes, retro, depth : iterable of C floats
+        A value for each channel, or each of `NODES`.
+    entry, between : ndarray, shape (…, C)
+        Tables over directions.
+
+    Attributes
+    ----------
+    entry, between : ndarray, shape (…, at most 4)
+        What the tables over directions are to hold.
+    """
+
+    def __init__(
+        self,
+        diffuse: Iterable[float],
+        flakes: Iterable[float],
+        retro: Iterable[float],
+        depth: Iterable[float],
+        entry: Array,
+        between: Array,
+    ) -> None:
+        colours = np.stack([np.array([*row]) for row in (diffuse, flakes, retro, depth)])
+        self._spectral = bool(mi.is_spectral)
+        if self._spectral:
+            by_entry, self.entry = _compressed(entry - 1, _RANKS["entry"])  # of what comes beside the light itself
+            by_between, self.between = _compressed(between, _RANKS["between"])
+            self._table = lookup_table(np.column_stack([colours.T, by_entry, by_between]), 1)
+        else:
+            self.entry, self.between = entry, between
+            self._constant = [opaque_colour(row) for row in colours]
+
+    def at(self, si: mi.SurfaceInteraction3f) -> PaintColours:
+        """Return the colours of a sample."""
+        if not self._spectral:
+            return PaintColours(*self._constant, _as_they_are, _as_they_are)
+        place = (si.wavelengths - float(NODES[0])) / float(NODES[-1] - NODES[0])
+        rows = [self._table.eval(along(position, len(NODES))) for position in place]
+        by_value = [mi.UnpolarizedSpectrum([row[k] for row in rows]) for k in range(4 + sum(_RANKS.values()))]
+        entry, between = by_value[4 : 4 + _RANKS["entry"]], by_value[4 + _RANKS["entry"] :]
+        return PaintColours(
+            *by_value[:4],
+            lambda held: 1 + _combined(entry, held),
+            lambda held: dr.maximum(_combined(between, held), 0),
+        )
+
+
+def along(position: mi.Float, nodes: int) -> mi.Float:
+    """Texture coordinate of a position 0 … 1 between the first and the last of `nodes` texels."""
+    return (position * (nodes - 1) + 0.5) / nodes
+
+
+def lookup_table(values: Array, dimensions: int) -> mi.Texture1f | mi.Texture3f:
+    """A table with linear interpolation in float32; channels padded to fours, each of which one load can fetch."""
+    channels = values.shape[-1]
+    padded = np.zeros((*values.shape[:dimensions], -(-channels // 4) * 4), dtype=np.float32)
+    padded[..., :channels] = values
+    kind = {1: mi.Texture1f, 3: mi.Texture3f}[dimensions]
+    if not dr.is_jit_v(mi.Float):
+        return kind(mi.TensorXf(padded))
+    return kind(mi.TensorXf(resident(mi.Float, padded), shape=padded.shape), use_accel=False)
+
+
+def opaque_colour(values: Iterable[float]) -> mi.UnpolarizedSpectrum:
+    """A colour that is data to a kernel, not a constant."""
+    colour = mi.UnpolarizedSpectrum([float(v) for v in values])
+    dr.make_opaque(colour)
+    return colour
+
+
+def _as_they_are(held: list[mi.Float]) -> mi.UnpolarizedSpectrum:
+    return mi.UnpolarizedSpectrum(held[: dr.size_v(mi.UnpolarizedSpectrum)])
+
+
+def _combined(weights: list[mi.UnpolarizedSpectrum], held: list[mi.Float]) -> mi.UnpolarizedSpectrum:
+    total = mi.UnpolarizedSpectrum(0)
+    for weight, value in zip(weights, held, strict=False):  # what pads the table is left over
+        total += weight * value
+    return total
+
+
+def _compressed(table: Array, rank: int) -> tuple[Array, Array]:
+    """Weights, shape (C, rank), and functions, shape (…, rank), whose sums come nearest to a table of shape (…, C)."""
+    functions, sizes, weights = np.linalg.svd(table.reshape(-1, table.shape[-1]), full_matrices=False)
+    return (weights[:rank] * sizes[:rank, None]).T, functions[:, :rank].reshape(*table.shape[:-1], rank)

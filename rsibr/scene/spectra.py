@@ -1,0 +1,134 @@
+"""Spectra that a config gives: in a plugin as plain data or XML, found and read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import mitsuba as mi
+import numpy as np
+from scipy import constants
+
+from rsibr.errors import InputError
+from rsibr.scene.car_paint import PLUGIN as CAR_PAINT
+from rsibr.scene.paint_spectra import NODES
+from rsibr.scene.pigments import pigment_spectrum
+
+Samples = list[tuple[float, float]]
+"""Wavelengths [nm] and values, ascending; linear between them and nothing beyond."""
+
+METALS = ("conductor", "roughconductor")
+"""BSDFs that take a measured metal by its name."""
+
+_GRID = np.linspace(360.0, 830.0, 95)
+
+
+def found_spectra(source: Mapping[str, Any] | Path | None, where: str) -> Iterator[tuple[str, Samples]]:
+    """Find the spectra of a plugin that vary with the wavelength, and those of the plugins nested in it.
+
+    Parameters
+    ----------
+    source : mapping, Path or None
+        A plugin as plain data, or Mitsuba XML.
+    where : str
+        What an error names as the place.
+
+    Yields
+    ------
+    str, Samples
+        The parameter's name, and the spectrum: of a table, a file, a black body or a car paint's named pigment.
+
+    Raises
+    ------
+    InputError
+        If a spectrum is none.
+    """
+    for name, plugin in _plugins(source):
+        if (samples := _read(plugin, where)) is not None:
+            yield name, samples
+        if plugin.get("type") == CAR_PAINT and isinstance(plugin.get("pigment"), str):
+            values = pigment_spectrum(plugin["pigment"], NODES)
+            yield plugin["pigment"], list(zip(NODES.tolist(), values.tolist(), strict=True))
+
+
+def found_metals(source: Mapping[str, Any] | Path | None) -> Iterator[str]:
+    """Find the measured metals that a material names."""
+    for _, plugin in _plugins(source):
+        if plugin.get("type") in METALS and isinstance(name := plugin.get("material"), str) and name != "none":
+            yield name
+
+
+def planckian(temperature: float) -> Samples:
+    """Radiance [W sr⁻¹ m⁻² nm⁻¹] of a black body of a temperature [K], by Planck's law."""
+    metres = _GRID * 1e-9
+    with np.errstate(over="ignore"):
+        exponential = np.expm1(constants.h * constants.c / (metres * constants.k * temperature))
+        radiance = 2e-9 * constants.h * constants.c**2 / (metres**5 * exponential)
+    return list(zip(_GRID.tolist(), radiance.tolist(), strict=True))
+
+
+def in_every_variant(plugin: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Write black bodies out as tables: Mitsuba knows them in its spectral variants alone."""
+
+    def written(value: Any) -> Any:
+        if not isinstance(value, Mapping):
+            return value
+        if value.get("type") != "blackbody":
+            return {key: written(item) for key, item in value.items()}
+        return {"type": "spectrum", "value": [list(pair) for pair in _read(value, where) or ()]}
+
+    return {key: written(item) for key, item in plugin.items()}
+
+
+def _plugins(source: Mapping[str, Any] | Path | None, name: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """All plugins of a source with the names that they have in the one that they nest in."""
+    plugin = _as_data(ElementTree.parse(source).getroot()) if isinstance(source, Path) else source or {}
+    yield name, plugin
+    for key, value in plugin.items():
+        if isinstance(value, Mapping):
+            yield from _plugins(value, key)
+
+
+def _as_data(element: ElementTree.Element) -> dict[str, Any]:
+    """An XML element as the plain data that says the same of its spectra, names and numbers."""
+    data: dict[str, Any] = {"type": element.get("type", element.tag)}
+    for number, child in enumerate(element):
+        name, value = child.get("name", f"{child.tag}-{number}"), child.get("value")
+        if child.tag == "spectrum" and value is not None and ":" in value:
+            data[name] = {"type": "spectrum", "value": [pair.split(":") for pair in value.split(",")]}
+        elif child.tag == "spectrum" and child.get("filename"):
+            data[name] = {"type": "spectrum", "filename": child.get("filename")}
+        else:
+            data[name] = value if value is not None and not len(child) else _as_data(child)
+    return data
+
+
+def _read(plugin: Mapping[str, Any], where: str) -> Samples | None:
+    """Samples of a plugin that is a spectrum; None where it is none, or the same at all wavelengths."""
+    try:
+        match plugin:
+            case {"type": "spectrum", "value": [*pairs]}:
+                samples = [(float(wavelength), float(value)) for wavelength, value in pairs]
+            case {"type": "spectrum" | "irregular" | "regular", "filename": file}:
+                samples = _zipped(*mi.spectrum_from_file(str(file)))
+            case {"type": "irregular", "wavelengths": wavelengths, "values": values}:
+                samples = _zipped(_numbers(wavelengths), _numbers(values))
+            case {"type": "regular", "wavelength_min": low, "wavelength_max": high, "values": values}:
+                samples = _zipped(np.linspace(float(low), float(high), len(_numbers(values))), _numbers(values))
+            case {"type": "blackbody", "temperature": temperature}:
+                samples = planckian(float(temperature))
+            case _:
+                return None
+    except (TypeError, ValueError, RuntimeError):
+        raise InputError("holds a spectrum that is none", where=where, fix="give [[wavelength, value], …]") from None
+    return sorted(samples)
+
+
+def _numbers(text: Any) -> list[float]:
+    return [float(number) for number in (text.replace(",", " ").split() if isinstance(text, str) else text)]
+
+
+def _zipped(wavelengths: Any, values: Any) -> Samples:
+    return [(float(w), float(v)) for w, v in zip(wavelengths, values, strict=True)]
