@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rsibr import backend
-from rsibr.bake.baker import block_sizes
+from rsibr.bake.blocks import block_sizes
 from rsibr.bake.calibration import calibrate
 from rsibr.bake.planning import planned_scene, planned_settings, scope_of
 from rsibr.effects.plan import Plan
@@ -43,7 +43,7 @@ def plan(config: Config | Path | str, *, overrides: Sequence[str] = ()) -> Plan:
     backend.use()
     environment, bsdf = load_environment(settings.environment), load_material(settings.material).bsdf()
     views = len(load_viewpoints(settings.views).directions)
-    made, split = planned_scene(settings, environment, bsdf, block_sizes(settings.sampling.samples)[0])
+    made, split = planned_scene(settings, environment, bsdf, block_sizes(settings.sampling.samples).size)
     kept_apart = None if settings.effects.lobes == "off" else split
     lowered = planned_settings(settings, made)
     costs = calibrate(lowered, environment.emitter(), bsdf, kept_apart, scope_of(made), views)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.bake.integrator import SphereIntegrator
+from rsibr.bake.noise import COVERED
 from rsibr.effects.lobes import LobeSplit
 from rsibr.reconstruct.method import Method
 from rsibr.reconstruct.reconstruction import run
@@ -17,7 +18,6 @@ from rsibr.study.truth import Arrays, TruthStore
 from rsibr.validate.estimate import Estimate
 from rsibr.validate.estimate_document import EstimateModel
 from rsibr.validate.lobes import lobe_errors
-from rsibr.validate.metrics import COVERED
 from rsibr.validate.reference import MINIMUM_BUFFERS, Reference
 
 _LOBE_BRANCH = 0x6C6F_6265

@@ -41,7 +41,9 @@ class BakeSize:
 
     def config(self, scene: Config) -> Config:
         """Config of the bake of `scene` at this size."""
-        sampling = SamplingConfig.model_validate({**scene.sampling.model_dump(), "samples": self.samples})
+        sampling = SamplingConfig.model_validate(
+            {**scene.sampling.model_dump(exclude={"target_error", "time_budget_s"}), "samples": self.samples}
+        )
         views = scene.views if self.subdivision is None else ViewsConfig(subdivision=self.subdivision)
         # A study asks what views are worth: it takes them where a plan would do without
         effects = scene.effects.model_copy(update={"view_dependence": "on"})

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.bake.integrator import SphereIntegrator
+from rsibr.bake.noise import COVERED, denominator
 from rsibr.bake.store import Bake
 from rsibr.effects.lobes import LobeSplit
 from rsibr.errors import BakeError, InputError
@@ -24,7 +25,6 @@ from rsibr.reconstruct.reconstruction import run
 from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material
 from rsibr.validate.estimate import Estimate, jackknife, mean_estimate
-from rsibr.validate.metrics import COVERED, denominator
 
 METHOD = "rsibr"
 """The method whose lobes are judged."""
