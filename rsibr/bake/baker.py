@@ -15,7 +15,15 @@ import rsibr
 from rsibr import backend
 from rsibr.bake.blocks import Blocks, BlockSums, block_sizes
 from rsibr.bake.integrator import SphereIntegrator
-from rsibr.bake.manifest import EnvironmentRecord, LobeRecord, Manifest, MaterialRecord, ProxyRecord, SamplingRecord
+from rsibr.bake.manifest import (
+    BudgetRecord,
+    EnvironmentRecord,
+    LobeRecord,
+    Manifest,
+    MaterialRecord,
+    ProxyRecord,
+    SamplingRecord,
+)
 from rsibr.bake.map_file import MapFile
 from rsibr.bake.planning import (
     baked_costs,
@@ -71,6 +79,7 @@ def bake(
     overrides: Sequence[str] = (),
     fresh: bool = False,
     on_progress: Callable[[Progress], None] = lambda _: None,
+    budget: BudgetRecord | None = None,
 ) -> Bake:
     """Bake the radiance sphere maps of all views.
 
@@ -88,6 +97,8 @@ def bake(
         Start anew where `out` holds a bake of another config, or a damaged one.
     on_progress : callable
         Called after each launch and each view.
+    budget : BudgetRecord, optional
+        What a budget of the whole bake chose, of which `config` came; see `rsibr.study.budget`.
 
     Returns
     -------
@@ -105,6 +116,8 @@ def bake(
     """
     begun = time.perf_counter()
     settings = config if isinstance(config, Config) else load_config(Path(config), overrides)
+    if settings.budget is not None:
+        raise ValueError("rsibr.study.budget decides on a budget")
     variant = backend.use()
     environment, material = load_environment(settings.environment), load_material(settings.material)
     plan, probed = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples).size)
@@ -119,7 +132,7 @@ def bake(
 
     def manifest(found: Manifest | None) -> Manifest:
         sampling = (found.sampling if found else None) or sampler.choose(begun)
-        return plan_manifest(settings, environment, material, split, viewpoints, variant, plan, sampling)
+        return plan_manifest(settings, environment, material, split, viewpoints, variant, plan, sampling, budget)
 
     with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer:
         if not writer.has_light:
@@ -138,6 +151,7 @@ def plan_manifest(
     variant: str,
     plan: Plan,
     sampling: SamplingRecord,
+    budget: BudgetRecord | None = None,
 ) -> Manifest:
     """Manifest of the bake before its first view: everything that fixes its bits."""
     packages = {name: version(name) for name in ("mitsuba", "drjit", "numpy", "OpenEXR")} | {"rsibr": rsibr.__version__}
@@ -163,6 +177,7 @@ def plan_manifest(
         triangles=viewpoints.triangles,
         plan=plan,
         sampling=sampling,
+        budget=budget,
     )
 
 

@@ -150,6 +150,65 @@ class SamplingRecord(_Record):
         return {"block": self.block, "even": self.even, "scale": self.scale}
 
 
+class ProbeRecord(_Record):
+    """What a quick probe found: maps of few samples, held against views that are not among them.
+
+    Attributes
+    ----------
+    resolution, views, samples : int
+        Texels a side, stored views, and samples a texel of the probe.
+    bias, upper : float
+        RelMSE of the method `rsibr` without noise, mean over the probed views, and its upper confidence bound.
+    noise : float
+        RelMSE that the noise of maps of so many samples adds.
+    """
+
+    resolution: int
+    views: int
+    samples: int
+    bias: float
+    upper: float
+    noise: float
+
+
+class BudgetRecord(_Record):
+    """What a budget of the whole bake promised, chose and reached.
+
+    Attributes
+    ----------
+    asked : dict
+        The config as it was asked for, with its budget.
+    resolved : dict
+        What was made of it: the same without a budget, and with the choice.
+    promised_error, promised_seconds : float or None
+        The budget itself.
+    chosen : ProbeRecord
+        Probe of the size that was chosen.
+    probes : tuple of ProbeRecord
+        All that were made, in their order.
+    forecast_error : float
+        RelMSE that is expected at most: upper bound of the bias, and the noise of the samples chosen.
+    choice_seconds : float
+        Time that the probes took.
+    reached_error, reached_ci95 : float, pair of float
+        RelMSE at views that took no part in the choice, with its confidence interval over them; None until measured.
+    reached_seconds : float or None
+        Time of the whole bake, choice included, the measurement of `reached_error` not; None until it is done.
+    """
+
+    asked: dict[str, Any]
+    resolved: dict[str, Any]
+    promised_error: float | None = None
+    promised_seconds: float | None = None
+    chosen: ProbeRecord
+    probes: tuple[ProbeRecord, ...]
+    forecast_error: float
+    choice_seconds: float = Field(ge=0.0)
+    reached_error: float | None = None
+    reached_ci95: tuple[float, float] | None = None
+    reached_seconds: float | None = Field(None, ge=0.0)
+
+
 class ViewState(_Record):
     """One view of the bake, and its file once that is done.
 
@@ -248,6 +307,8 @@ class Manifest(_Record):
         Which effects are simulated, and why; None in bakes older than plans.
     sampling : SamplingRecord or None
         How many samples are taken, and where; None in bakes older than this record.
+    budget : BudgetRecord or None
+        What a budget of the whole bake chose; None without one.
     """
 
     schema_version: Literal[1] = SCHEMA_VERSION
@@ -266,6 +327,7 @@ class Manifest(_Record):
     views: tuple[ViewState, ...]
     plan: Plan | None = None
     sampling: SamplingRecord | None = None
+    budget: BudgetRecord | None = None
 
     @classmethod
     def planned(
@@ -283,6 +345,7 @@ class Manifest(_Record):
         triangles: ArrayLike,
         plan: Plan | None = None,
         sampling: SamplingRecord | None = None,
+        budget: BudgetRecord | None = None,
     ) -> Manifest:
         """Manifest of a bake of which nothing is done yet.
 
@@ -290,7 +353,7 @@ class Manifest(_Record):
         ----------
         config, identity : mapping
             What JSON can hold: dicts with string keys, lists, strings, finite numbers, booleans, None.
-        packages, variant, environment, material, resolution, plan, sampling
+        packages, variant, environment, material, resolution, plan, sampling, budget
             See the class.
         directions : array_like, shape (V, 3)
             Unit view vectors.
@@ -321,6 +384,7 @@ class Manifest(_Record):
             views=tuple(ViewState(index=i, view=row, file=map_name(i)) for i, row in enumerate(rows)),
             plan=plan,
             sampling=sampling,
+            budget=budget,
         )
 
     @model_validator(mode="after")
@@ -342,6 +406,11 @@ class Manifest(_Record):
     def seconds(self) -> float:
         """Time that the views done so far took to bake [s]."""
         return sum(state.seconds or 0.0 for state in self.views)
+
+    @property
+    def total_seconds(self) -> float:
+        """Time from the beginning of the bake to its last map, what was decided before the first one included [s]."""
+        return self.seconds + (self.sampling.seconds if self.sampling else 0.0)
 
     @property
     def noise(self) -> float | None:

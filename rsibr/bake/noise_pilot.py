@@ -20,7 +20,9 @@ PILOT_BLOCKS = 4
 _COARSER = 4
 """Texels of the map to one of the pilot, along a side: its cost is PILOT_BLOCKS / _COARSER² of an even block."""
 
-_LEAST_SIDE = 16
+LEAST_SIDE = 16
+"""Texels of the pilot along a side at least."""
+
 _POOLED = 3
 _PILOT_BRANCH = 0x70696C6F
 """Branch of a view's seeds (the letters "pilo")."""
@@ -39,6 +41,8 @@ class NoisePilot:
         Samples of a block of the bake: what strata gain goes by it.
     seed : int
         Root of the seed tree.
+    least_side : int
+        Texels of the small map along a side at least: the coarser they are, the more they overrate the noise.
 
     Attributes
     ----------
@@ -46,8 +50,8 @@ class NoisePilot:
         As given.
     """
 
-    def __init__(self, integrator: SphereIntegrator, size: int, seed: int) -> None:
-        side = min(integrator.coverage.shape[0], max(_LEAST_SIDE, integrator.coverage.shape[0] // _COARSER))
+    def __init__(self, integrator: SphereIntegrator, size: int, seed: int, least_side: int = LEAST_SIDE) -> None:
+        side = min(integrator.coverage.shape[0], max(least_side, integrator.coverage.shape[0] // _COARSER))
         self._full, self._small = integrator, integrator.at_resolution(side)
         self.size, self._blocks, self._seed = size, Blocks(size, PILOT_BLOCKS), seed
         covered = self._small.coverage > 0

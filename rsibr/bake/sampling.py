@@ -15,7 +15,7 @@ from rsibr.bake.blocks import MAX_BLOCKS, Blocks, block_sizes
 from rsibr.bake.calibration import map_overhead, sample_seconds
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.manifest import SamplingRecord
-from rsibr.bake.noise_pilot import Image, NoisePilot
+from rsibr.bake.noise_pilot import LEAST_SIDE, Image, NoisePilot
 from rsibr.errors import InputError
 from rsibr.scene.config import SamplingConfig
 
@@ -28,6 +28,9 @@ LEAST_WORK = 2**19
 
 NOISE_MARGIN = 1.1
 """Predicted noise of a bake to the one promised: the prediction is right to a few per cent, and rather too high."""
+
+PROMISING_SIDE = 32
+"""Texels of a pilot along a side at least where an error is promised."""
 
 TIME_MARGIN = 0.9
 """Forecast seconds to those allowed."""
@@ -162,7 +165,8 @@ class Sampler:
 
     def _pilot_for(self, size: int) -> NoisePilot:
         if self._pilot is None or self._pilot.size != size:
-            self._pilot = NoisePilot(self.integrator, size, self.config.seed)
+            least_side = LEAST_SIDE if self.config.target_error is None else PROMISING_SIDE
+            self._pilot = NoisePilot(self.integrator, size, self.config.seed, least_side)
             self._looks.clear()
         return self._pilot
 

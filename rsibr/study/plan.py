@@ -48,7 +48,7 @@ class BakeSize:
         # A study asks what views are worth: it takes them where a plan would do without
         effects = scene.effects.model_copy(update={"view_dependence": "on"})
         resolution = MapConfig(resolution=self.resolution)
-        changed = {"sampling": sampling, "map": resolution, "views": views, "effects": effects}
+        changed = {"sampling": sampling, "map": resolution, "views": views, "effects": effects, "budget": None}
         return scene.model_copy(update=changed)
 
 
