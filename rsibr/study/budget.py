@@ -14,8 +14,10 @@ from rsibr.bake.baker import Progress
 from rsibr.bake.baker import bake as run_bake
 from rsibr.bake.calibration import map_overhead, sample_seconds
 from rsibr.bake.directory import claim_directory
-from rsibr.bake.manifest import MANIFEST_NAME, BudgetRecord, Manifest, ProbeRecord, read_manifest
+from rsibr.bake.forecast import forecast
+from rsibr.bake.manifest import MANIFEST_NAME, BudgetRecord, Manifest, ProbeRecord, SamplingRecord, read_manifest
 from rsibr.bake.store import Bake, BakeWriter, open_bake
+from rsibr.effects.plan import Plan
 from rsibr.errors import BakeError, InputError
 from rsibr.scene.config import Config, MapConfig, SamplingConfig, ViewsConfig, load_config
 from rsibr.study.budget_probe import ProbedScene
@@ -36,8 +38,10 @@ NEGLIGIBLE_NOISE = 0.05
 PROBING_SHARE = 0.2
 """Share of a budget of seconds that goes into probes at most."""
 
-LEAST_SAMPLES = 16
+LEAST_SAMPLES = 64
 MOST_SAMPLES = 2**16
+
+_PROBE_OVERHEAD = 0.5  # seconds of a probe beside its samples, measured on two cores
 
 _SIZE = 16  # samples of the blocks that time is measured with
 
@@ -93,6 +97,17 @@ def bake(
     if baked.manifest.budget and baked.manifest.budget.reached_seconds is None:
         _record_reached(baked, settings)
     return open_bake(path)
+
+
+def plan(config: Config | Path | str, *, overrides: Sequence[str] = ()) -> Plan:
+    """Say what a bake would simulate, of the size that its budget would choose; see `rsibr.bake.forecast.plan`."""
+    return planned(config if isinstance(config, Config) else load_config(Path(config), overrides))[0]
+
+
+def planned(settings: Config) -> tuple[Plan, SamplingRecord | None, BudgetRecord | None]:
+    """Plan, and what a target, a time or a budget would choose. Nothing is baked."""
+    resolved, record = (settings, None) if settings.budget is None else choose(settings)
+    return (*forecast(resolved), record)
 
 
 def choose(config: Config) -> tuple[Config, BudgetRecord]:
@@ -171,7 +186,7 @@ def _size_for_error(scene: ProbedScene, error: float) -> tuple[Size, ProbeRecord
             return size, found, probes
     best = min(probes, key=lambda probe: probe.upper)
     raise InputError(
-        f"an error of {error:g} cannot be promised here: the best that can be is {best.upper / BIAS_SHARE:.2g}, "
+        f"an error of {error:g} cannot be promised here: the best that can be is {best.upper / BIAS_SHARE:.3g}, "
         f"with {best.views} maps of {best.resolution}²",
         where="budget.error",
         fix="allow for more error, or leave map.resolution, views and sampling.samples open",
@@ -204,15 +219,14 @@ def _size_for_seconds(
     """The most accurate of the candidates that can be probed in time, with the samples that it leaves time for."""
     probes: list[ProbeRecord] = []
     best: tuple[float, Size, ProbeRecord] | None = None
-    took = 0.0
     rate = sample_seconds(scene.integrator, _SIZE)
     for size in _sizes(scene):
-        start = time.perf_counter()
-        if probes and (start - begun) + 4 * took > PROBING_SHARE * seconds:
+        viewpoints = scene.viewpoints(size.views)
+        ahead = rate * scene.work(size.resolution, viewpoints) + _PROBE_OVERHEAD
+        if probes and time.perf_counter() - begun + ahead > PROBING_SHARE * seconds:
             break
-        found = scene.probe(size.resolution, scene.viewpoints(size.views))
+        found = scene.probe(size.resolution, viewpoints)
         probes.append(found)
-        took = time.perf_counter() - start
         samples = _affordable(scene, found, rate, seconds)
         if samples < LEAST_SAMPLES:
             break

@@ -49,7 +49,9 @@ METHOD = "rsibr"
 
 _SAMPLES = 16
 _SHARP = 128
-"""Texels a side from which on so few samples will do: the more texels, the less noise in a mean over all of them."""
+"""Samples a texel of a probe, and texels a side that they are for."""
+
+_LEAST_SAMPLES = 8
 
 _BRANCH = 0x62756467_00000000
 """Branch of the seed tree (the letters "budg"): no random number is shared with a bake."""
@@ -107,6 +109,7 @@ class ProbedScene:
         )
         self._light = light_map(self._environment.emitter(), self._environment.width)
         self._drawn = 0
+        self._truths: dict[int, tuple[list[MapFile], ...]] = {}
 
     def viewpoints(self, views: ViewsConfig) -> Viewpoints:
         """Views that a bake would store."""
@@ -115,10 +118,12 @@ class ProbedScene:
     def probe(self, resolution: int, viewpoints: Viewpoints) -> ProbeRecord:
         """Measure bias and noise for maps of that size from those views."""
         integrator = self.integrator.at_resolution(resolution)
-        samples = _SAMPLES * max(1, _SHARP // resolution) ** 2
-        new = [view_frame(view) for view in new_views(viewpoints, VIEWS, self.config.sampling.seed)]
+        samples = probe_samples(resolution)
+        new = [view_frame(view) for view in self.new_views]
         one, other = self._pictures(integrator, viewpoints, new, samples)
-        truths, others = (self._maps(integrator, new, 2 * samples) for _ in range(2))
+        if resolution not in self._truths:
+            self._truths[resolution] = tuple(self._maps(integrator, new, 2 * samples) for _ in range(2))
+        truths, others = self._truths[resolution]
         judged = integrator.coverage >= COVERED
         biases, noises = [], []
         for a, b, r, s in zip(one, other, truths, others, strict=True):
@@ -134,6 +139,25 @@ class ProbedScene:
             upper=upper_bound(biases),
             noise=float(np.mean(noises)),
         )
+
+    @cached_property
+    def new_views(self) -> list[NDArray[np.float64]]:
+        """Views to probe at, the same for every size: what is rendered of them serves all."""
+        return new_views(self._coarsest, VIEWS, self.config.sampling.seed)
+
+    @property
+    def _coarsest(self) -> Viewpoints:
+        """Views of the user's own, or the icosahedron.
+
+        Subdividing leaves a triangle around the centroid of each of its triangles, with that centroid: the places
+        farthest from the stored views stay so.
+        """
+        return self.viewpoints(self.config.views if self.config.views.file else ViewsConfig())
+
+    def work(self, resolution: int, viewpoints: Viewpoints) -> float:
+        """Samples that a probe takes."""
+        maps = 2 * min(3 * VIEWS, len(viewpoints)) + (0 if resolution in self._truths else 4 * VIEWS)
+        return maps * math.pi / 4 * resolution**2 * probe_samples(resolution)
 
     def _around(self, viewpoints: Viewpoints, views: Frames) -> tuple[Viewpoints, set[int]]:
         """See `surrounding`; of views of the user's own, whose triangles need not be a hull's, all are taken."""
@@ -170,6 +194,11 @@ class ProbedScene:
             )
             method = MethodSet(ProbeBake(_NOWHERE, manifest, maps, self._light))[METHOD]
             yield [run(method, frame, resolution).image for frame in new]
+
+
+def probe_samples(resolution: int) -> int:
+    """Samples a texel of a probe: the more texels a mean is over, the fewer will do."""
+    return max(_LEAST_SAMPLES, _SAMPLES * _SHARP**2 // resolution**2)
 
 
 def new_views(viewpoints: Viewpoints, count: int, seed: int) -> list[NDArray[np.float64]]:

@@ -18,7 +18,11 @@ from rsibr.validate.estimate import Estimate
 
 VIEWS = 8
 
-_MOST_SAMPLES = 256
+_SAMPLES = 1024
+_COARSE = 64
+"""Samples a texel of the truth, and texels a side that they are for."""
+
+_LEAST_SAMPLES = 64
 _SEED_SHIFT = 1
 """Of the views that are judged: others than those that the choice went by."""
 
@@ -42,7 +46,7 @@ def reached_error(baked: Bake, config: Config) -> Estimate:
     method = MethodSet(baked)[METHOD]
     integrator = scene.integrator.at_resolution(baked.resolution)
     judged = integrator.coverage >= COVERED
-    samples = min(baked.manifest.samples, _MOST_SAMPLES)
+    samples = max(_LEAST_SAMPLES, _SAMPLES * _COARSE**2 // baked.resolution**2)
     errors = []
     for view in new_views(viewpoints, VIEWS, config.sampling.seed + _SEED_SHIFT):
         frame = view_frame(view)
