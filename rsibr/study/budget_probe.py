@@ -109,7 +109,7 @@ class ProbedScene:
         )
         self._light = light_map(self._environment.emitter(), self._environment.width)
         self._drawn = 0
-        self._truths: dict[int, tuple[list[MapFile], ...]] = {}
+        self._truths: dict[int, tuple[list[NDArray[np.float32]], ...]] = {}
 
     def viewpoints(self, views: ViewsConfig) -> Viewpoints:
         """Views that a bake would store."""
@@ -122,12 +122,14 @@ class ProbedScene:
         new = [view_frame(view) for view in self.new_views]
         one, other = self._pictures(integrator, viewpoints, new, samples)
         if resolution not in self._truths:
-            self._truths[resolution] = tuple(self._maps(integrator, new, 2 * samples) for _ in range(2))
+            self._truths[resolution] = tuple(
+                [self.map(integrator, frame, 2 * samples).radiance for frame in new] for _ in range(2)
+            )
         truths, others = self._truths[resolution]
         judged = integrator.coverage >= COVERED
         biases, noises = [], []
         for a, b, r, s in zip(one, other, truths, others, strict=True):
-            left, right, true, too = (image[judged].astype(np.float64) for image in (a, b, r.radiance, s.radiance))
+            left, right, true, too = (image[judged].astype(np.float64) for image in (a, b, r, s))
             relative = denominator((true + too) / 2)
             biases.append(float(((left - true) * (right - too) / relative).mean()))
             noises.append(float(((left - right) ** 2 / 2 / relative).mean()))
@@ -165,9 +167,6 @@ class ProbedScene:
             return viewpoints, set(range(len(viewpoints)))
         return surrounding(viewpoints, views)
 
-    def _maps(self, integrator: SphereIntegrator, frames: Frames, samples: int) -> list[MapFile]:
-        return [self.map(integrator, frame, samples) for frame in frames]
-
     def map(self, integrator: SphereIntegrator, frame: NDArray[np.float64], samples: int) -> MapFile:
         """Bake one view with random numbers of its own."""
         self._drawn += 1
@@ -186,10 +185,10 @@ class ProbedScene:
             sized, self._environment, self._material, self._split, around, self._variant, self.plan,
             SamplingRecord(block=samples, even=2),
         )  # fmt: skip
-        dark = bake_view(integrator, frames[0], block_sizes(4), seed=0, index=_BRANCH)
+        filler = self.map(integrator, frames[0], 4)
         for _ in range(2):
             maps = tuple(
-                self.map(integrator, frame, samples) if index in needed else _darkened(dark, frame)
+                self.map(integrator, frame, samples) if index in needed else _seen_from(filler, frame)
                 for index, frame in enumerate(frames)
             )
             method = MethodSet(ProbeBake(_NOWHERE, manifest, maps, self._light))[METHOD]
@@ -241,6 +240,6 @@ def upper_bound(errors: Sequence[float]) -> float:
     return max(0.0, float(np.mean(errors))) + reach * float(np.std(errors, ddof=1))
 
 
-def _darkened(like: MapFile, frame: NDArray[np.float64]) -> MapFile:
-    layers = {name: np.zeros_like(image) for name, image in like.layers.items()}
-    return replace(like, view=frame[:, 2].copy(), frame=frame, layers=layers)
+def _seen_from(like: MapFile, frame: NDArray[np.float64]) -> MapFile:
+    """What stands where no one looks: it shares its pixels with all others that do."""
+    return replace(like, view=frame[:, 2].copy(), frame=frame)
