@@ -15,12 +15,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsibr.bake.baker import bake as bake
-    from rsibr.bake.forecast import plan as plan
     from rsibr.bake.store import open_bake as open_bake
     from rsibr.reconstruct.methods import METHODS as METHODS
     from rsibr.reconstruct.reconstruction import reconstruct as reconstruct
     from rsibr.scene.config import load_config as load_config
+    from rsibr.study.budget import bake as bake
+    from rsibr.study.budget import plan as plan
     from rsibr.study.runner import study as study
     from rsibr.validate.check import check as check
     from rsibr.validate.validation import validate as validate
@@ -29,11 +29,11 @@ __version__ = "0.1.0"
 
 _HOME = {
     "METHODS": "rsibr.reconstruct.methods",
-    "bake": "rsibr.bake.baker",
+    "bake": "rsibr.study.budget",
     "check": "rsibr.validate.check",
     "load_config": "rsibr.scene.config",
     "open_bake": "rsibr.bake.store",
-    "plan": "rsibr.bake.forecast",
+    "plan": "rsibr.study.budget",
     "reconstruct": "rsibr.reconstruct.reconstruction",
     "study": "rsibr.study.runner",
     "validate": "rsibr.validate.validation",

@@ -2,4 +2,4 @@
 
 from rsibr.callable_room import make_callable
 
-make_callable(__name__, "rsibr.bake.baker", "bake")
+make_callable(__name__, "rsibr.study.budget", "bake")

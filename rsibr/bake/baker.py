@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -13,8 +13,17 @@ from numpy.typing import NDArray
 
 import rsibr
 from rsibr import backend
+from rsibr.bake.blocks import Blocks, BlockSums, block_sizes
 from rsibr.bake.integrator import SphereIntegrator
-from rsibr.bake.manifest import EnvironmentRecord, LobeRecord, Manifest, MaterialRecord, ProxyRecord
+from rsibr.bake.manifest import (
+    BudgetRecord,
+    EnvironmentRecord,
+    LobeRecord,
+    Manifest,
+    MaterialRecord,
+    ProxyRecord,
+    SamplingRecord,
+)
 from rsibr.bake.map_file import MapFile
 from rsibr.bake.planning import (
     baked_costs,
@@ -24,10 +33,11 @@ from rsibr.bake.planning import (
     planned_viewpoints,
     scope_of,
 )
+from rsibr.bake.sampling import Sampler
 from rsibr.bake.store import Bake, BakeWriter, open_bake
 from rsibr.effects.adaptation import adapted_lobes
 from rsibr.effects.light import DELTA_RESOLUTION, RESOLUTION, light_map
-from rsibr.effects.lobes import Lobe, LobeSplit
+from rsibr.effects.lobes import Lobe
 from rsibr.effects.plan import Plan
 from rsibr.effects.plan_costs import priced
 from rsibr.geometry.frame import view_frame
@@ -37,16 +47,12 @@ from rsibr.scene.environment import Environment, load_environment
 from rsibr.scene.material import ANISOTROPIC, Material, load_material
 from rsibr.scene.views import load_viewpoints
 
-MAX_BLOCKS = 16
-"""Independent blocks a view: their spread is the variance of the mean. Not more, for samples are stratified only within
-a block and the blocks of a view are held in memory together."""
+STEPS = 16
+"""Steps of the progress of a view."""
 
 RETROREFLECTIVE = (
     "retroreflective: no warp follows light that goes back, so that expect larger errors between the views"
 )
-
-LEAST_BLOCK = 4
-"""Samples a texel in a block below which there are rather fewer blocks."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class Progress:
     views_done, views : int
         Views finished, and in all.
     blocks_done, blocks : int
-        Blocks of the view at work, finished and in all.
+        Steps of the view at work, finished and in all.
     """
 
     views_done: int
@@ -74,6 +80,7 @@ def bake(
     overrides: Sequence[str] = (),
     fresh: bool = False,
     on_progress: Callable[[Progress], None] = lambda _: None,
+    budget: BudgetRecord | None = None,
 ) -> Bake:
     """Bake the radiance sphere maps of all views.
 
@@ -90,7 +97,9 @@ def bake(
     fresh : bool
         Start anew where `out` holds a bake of another config, or a damaged one.
     on_progress : callable
-        Called after each block and each view.
+        Called after each launch and each view.
+    budget : BudgetRecord, optional
+        What a budget of the whole bake chose, of which `config` came; see `rsibr.study.budget`.
 
     Returns
     -------
@@ -106,25 +115,41 @@ def bake(
     MachineError
         If the machine has no usable backend, or the disk is full.
     """
+    begun = time.perf_counter()
     settings = config if isinstance(config, Config) else load_config(Path(config), overrides)
+    if settings.budget is not None:
+        raise ValueError("rsibr.study.budget decides on a budget")
     backend.use()
     environment, material = load_environment(settings.environment), load_material(settings.material)
-    plan, probed = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples)[0])
+    plan, probed = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples).size)
     asked, settings = settings.map.resolution, planned_settings(settings, plan)
     all_around = load_viewpoints(settings.views)
     viewpoints = planned_viewpoints(all_around, settings, plan)
     split = None if settings.effects.lobes == "off" else probed
     lobes = adapted_lobes(split, environment, material, plan.rendering) if split else ()
     with backend.rendering(plan.rendering) as variant:
-        manifest = plan_manifest(settings, environment, material, lobes, viewpoints, variant, plan)
-    with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer, backend.rendering(plan.rendering):
-        if not writer.has_light:
-            with backend.rendering("rgb" if environment.width else plan.rendering):  # an image is RGB from the start
-                resolution = DELTA_RESOLUTION if any(lobe.is_mirror for lobe in lobes) else RESOLUTION
-                writer.commit_light(light_map(environment.emitter(), environment.width, resolution))
-        _bake_views(writer, settings, environment, material, split, viewpoints.directions, plan, on_progress)
-        writer.record_plan(priced(plan, baked_costs(writer.manifest, len(all_around)), asked))
+        integrator = SphereIntegrator(
+            environment.emitter(), material.bsdf(), plan.resolution, split, settings.sampling.clamp, scope_of(plan)
+        )
+        sampler = Sampler(integrator, [view_frame(view) for view in viewpoints.directions], settings.sampling)
+
+        def manifest(found: Manifest | None) -> Manifest:
+            sampling = (found.sampling if found else None) or sampler.choose(begun)
+            return plan_manifest(settings, environment, material, lobes, viewpoints, variant, plan, sampling, budget)
+
+        with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer:
+            if not writer.has_light:
+                writer.commit_light(light_of(environment, lobes, plan))
+            _bake_views(writer, sampler, on_progress)
+            writer.record_plan(priced(plan, baked_costs(writer.manifest, len(all_around)), asked))
     return open_bake(Path(out))
+
+
+def light_of(environment: Environment, lobes: Sequence[Lobe], plan: Plan) -> NDArray[np.float32]:
+    """The light that models are made from; an image is RGB from the start, whatever the maps are rendered in."""
+    resolution = DELTA_RESOLUTION if any(lobe.is_mirror for lobe in lobes) else RESOLUTION
+    with backend.rendering("rgb" if environment.width else plan.rendering):
+        return light_map(environment.emitter(), environment.width, resolution)
 
 
 def plan_manifest(
@@ -135,6 +160,8 @@ def plan_manifest(
     viewpoints: Viewpoints,
     variant: str,
     plan: Plan,
+    sampling: SamplingRecord,
+    budget: BudgetRecord | None = None,
 ) -> Manifest:
     """Manifest of the bake before its first view: everything that fixes its bits."""
     packages = {name: version(name) for name in ("mitsuba", "drjit", "numpy", "OpenEXR")} | {"rsibr": rsibr.__version__}
@@ -147,6 +174,7 @@ def plan_manifest(
             "material": {"name": material.name, "content": material.digest},
             "packages": {name: packages[name] for name in ("mitsuba", "drjit", "rsibr")},
             "variant": variant,
+            "blocks": sampling.identity,
             "plan": {"grey": plan.grey, "light_samples": plan.light_samples, "left_out": list(plan.left_out)},
         },
         packages=packages,
@@ -158,6 +186,8 @@ def plan_manifest(
         directions=viewpoints.directions,
         triangles=viewpoints.triangles,
         plan=plan,
+        sampling=sampling,
+        budget=budget,
     )
 
 
@@ -183,46 +213,33 @@ def _notes(material: Material, plan: Plan) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*material.notes, *flagged]))  # Mitsuba may have called it anisotropic already
 
 
-def _bake_views(
-    writer: BakeWriter,
-    config: Config,
-    environment: Environment,
-    material: Material,
-    split: LobeSplit | None,
-    directions: NDArray[np.float64],
-    plan: Plan,
-    on_progress: Callable[[Progress], None],
-) -> None:
-    pending = writer.pending
-    if not pending:
+def _bake_views(writer: BakeWriter, sampler: Sampler, on_progress: Callable[[Progress], None]) -> None:
+    pending, views = writer.pending, len(sampler.frames)
+    if not pending or writer.manifest.sampling is None:
         return
-    sampling = config.sampling
-    integrator = SphereIntegrator(
-        environment.emitter(), material.bsdf(), config.map.resolution, split, sampling.clamp, scope_of(plan)
-    )
-    blocks = block_sizes(sampling.samples)
-    done = len(directions) - len(pending)
-    for finished, index in enumerate(pending, start=done):
+    for finished, index in enumerate(pending, start=views - len(pending)):
         start = time.perf_counter()
 
-        def report(block: int, views_done: int = finished) -> None:
-            on_progress(Progress(views_done, len(directions), block, len(blocks)))
+        def report(share: float, views_done: int = finished) -> None:
+            on_progress(Progress(views_done, views, round(share * STEPS), STEPS))
 
-        frame = view_frame(directions[index])
-        baked = bake_view(integrator, frame, blocks, seed=sampling.seed, index=index, on_block=report)
+        blocks = sampler.blocks(writer.manifest.sampling, index)
+        baked = bake_view(
+            sampler.integrator, sampler.frames[index], blocks, seed=sampler.config.seed, index=index, on_launch=report
+        )
         seconds = max(0.0, time.perf_counter() - start)  # no clock that jumps may cost a view
         writer.commit(index, baked, seconds)
-    on_progress(Progress(len(directions), len(directions), 0, len(blocks)))
+    on_progress(Progress(views, views, 0, STEPS))
 
 
 def bake_view(
     integrator: SphereIntegrator,
     frame: NDArray[np.float64],
-    blocks: Sequence[int],
+    blocks: Blocks,
     *,
     seed: int,
     index: int,
-    on_block: Callable[[int], None] = lambda _: None,
+    on_launch: Callable[[float], None] = lambda _: None,
 ) -> MapFile:
     """Bake one view: a pure function of the scene, the view and the seed.
 
@@ -232,24 +249,26 @@ def bake_view(
         Scene and resolution.
     frame : ndarray, shape (3, 3)
         Frame of the map.
-    blocks : sequence of int
-        Samples a texel of each block, at least two blocks of equal size; see `block_sizes`.
+    blocks : Blocks
+        Blocks of each texel, fixed before any of these samples is drawn; see `block_sizes`.
     seed, index : int
         Root of the seed tree, and the view's branch of it.
-    on_block : callable
-        Called with the count of blocks done.
+    on_launch : callable
+        Called with the share of the work that is done.
 
     Returns
     -------
     MapFile
         Mean over the blocks, a layer a lobe, and the variance of their sum's mean.
     """
-    means = []
-    for block, samples in enumerate(blocks):
-        means.append(integrator.block(frame, samples, np.random.SeedSequence(seed, spawn_key=(index, block))))
-        on_block(block + 1)
-    lobes, _ = merge(means)
-    _, variance = merge([block.sum(axis=1) for block in means])
+    covered = int(np.count_nonzero(integrator.coverage))
+    launches = blocks.launch_count(covered)
+    sums = BlockSums(covered, len(integrator.lobe_names))
+    seeds = np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(launches)
+    for done, (texels, launch_seed) in enumerate(zip(blocks.launches(covered), seeds, strict=True), start=1):
+        sums.add(texels, integrator.blocks(frame, texels, blocks.samples, int(launch_seed)))
+        on_launch(done / launches)
+    lobes, variance = sums.result()
     return MapFile(
         view=frame[:, 2].copy(),
         frame=frame,
@@ -258,33 +277,3 @@ def bake_view(
         coverage=integrator.coverage,
         grey=integrator.grey,
     )
-
-
-def merge(means: Iterable[NDArray[np.float32]]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Mean of equally large independent blocks, and the variance of that mean.
-
-    Parameters
-    ----------
-    means : iterable of ndarray, shape (T, …)
-        Block means in the order of the blocks, whatever order they were rendered in.
-
-    Returns
-    -------
-    mean, variance : ndarray, shape (T, …), float32
-        The variance estimate has (blocks − 1) degrees of freedom.
-    """
-    stacked = np.stack(list(means)).astype(np.float64)
-    variance = stacked.var(axis=0, ddof=1) / len(stacked)
-    return stacked.mean(axis=0).astype(np.float32), variance.astype(np.float32)
-
-
-def block_sizes(samples: int) -> list[int]:
-    """Split the samples of a texel into independent blocks of equal size.
-
-    Parameters
-    ----------
-    samples : int
-        Samples a texel, at least 2. Rounded up to a multiple of the count of blocks.
-    """
-    count = max(2, min(MAX_BLOCKS, samples // LEAST_BLOCK))
-    return [-(-samples // count)] * count

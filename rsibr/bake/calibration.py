@@ -10,7 +10,8 @@ import numpy as np
 
 from rsibr import backend
 from rsibr.backend import Rendering
-from rsibr.bake.baker import block_sizes
+from rsibr.bake.blocks import Blocks, block_sizes
+from rsibr.bake.health import map_health
 from rsibr.bake.integrator import Scope, SphereIntegrator, stratified
 from rsibr.bake.map_file import MapFile, encode_map
 from rsibr.bake.planning import scope_of
@@ -27,6 +28,9 @@ MAX_LANES = 2**19
 
 RUNS = 5
 """Timed runs, after the one that compiles; the shortest counts, for only others' work makes one longer."""
+
+SYNC_SECONDS = 0.01
+"""Of a map and of the manifest behind it: what disks take, at most."""
 
 SOURCE = "calibrated: the shortest of 5 launches of each kernel on this machine, scaled to the samples of the bake"
 
@@ -88,8 +92,9 @@ def _other_rendering(plan: Plan) -> Rendering | None:
 def _map_seconds(kernels: dict[str, SphereIntegrator], config: Config) -> dict[str, float]:
     """Seconds of a map by each kernel, from launches of no more than `MAX_LANES` samples."""
     blocks = block_sizes(config.sampling.samples)
+    count = int(blocks.counts)
     texels = int(np.count_nonzero(next(iter(kernels.values())).coverage))
-    samples = max(1, min(blocks[0], MAX_LANES // texels))
+    samples = max(1, min(blocks.size, MAX_LANES // texels))
     frame = view_frame(np.array([1.0, 2.0, 3.0]))
     shortest = dict.fromkeys(kernels, math.inf)
     for run in range(-1, RUNS):  # in turn: a machine that is busy for a while is so for all of them
@@ -101,14 +106,41 @@ def _map_seconds(kernels: dict[str, SphereIntegrator], config: Config) -> dict[s
                 seconds = time.perf_counter() - start
             if run >= 0:
                 shortest[name] = min(shortest[name], seconds)
-    scale = stratified(blocks[0]) * len(blocks) / stratified(samples)
+    scale = blocks.samples * count / stratified(samples)
     return {name: seconds * scale for name, seconds in shortest.items()}
+
+
+def sample_seconds(integrator: SphereIntegrator, size: int) -> float:
+    """Seconds of one sample in a launch of blocks of `size` samples; its kernel is compiled by then."""
+    covered = int(np.count_nonzero(integrator.coverage))
+    blocks = Blocks(size, max(2, MAX_LANES // (size * covered)))
+    texels = next(blocks.launches(covered))
+    frame, shortest = view_frame(np.array([1.0, 2.0, 3.0])), math.inf
+    for run in range(-1, RUNS):
+        start = time.perf_counter()
+        integrator.blocks(frame, texels, blocks.samples, run + 1)
+        if run >= 0:
+            shortest = min(shortest, time.perf_counter() - start)
+    return shortest / (len(texels) * blocks.samples)
+
+
+def map_overhead(integrator: SphereIntegrator) -> float:
+    """Seconds that a map takes beside its samples: looked at, compressed, and synced to the disk."""
+    noisy = _noisy_map(integrator)
+    start = time.perf_counter()
+    map_health(noisy)
+    encode_map(noisy)
+    return SYNC_SECONDS + time.perf_counter() - start
 
 
 def _map_bytes(integrator: SphereIntegrator) -> int:
     """Size of a map's file: noise compresses to what other noise does."""
+    return len(encode_map(_noisy_map(integrator)))
+
+
+def _noisy_map(integrator: SphereIntegrator) -> MapFile:
     frame = view_frame(np.array([1.0, 2.0, 3.0]))
     block = integrator.block(frame, 4, np.random.SeedSequence(0))
     layers = {name: integrator.image(block[:, k]) for k, name in enumerate(integrator.lobe_names)}
     variance = integrator.image(block.sum(axis=1))
-    return len(encode_map(MapFile(frame[:, 2].copy(), frame, layers, variance, integrator.coverage, integrator.grey)))
+    return MapFile(frame[:, 2].copy(), frame, layers, variance, integrator.coverage, integrator.grey)

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from rsibr import backend
-from rsibr.bake.baker import block_sizes
+from rsibr.bake.blocks import block_sizes
 from rsibr.bake.calibration import calibrate
-from rsibr.bake.planning import planned_scene, planned_settings
+from rsibr.bake.integrator import SphereIntegrator
+from rsibr.bake.manifest import SamplingRecord
+from rsibr.bake.planning import planned_scene, planned_settings, planned_viewpoints, scope_of
+from rsibr.bake.sampling import Sampler
 from rsibr.effects.plan import Plan
 from rsibr.effects.plan_costs import priced
+from rsibr.geometry.frame import view_frame
 from rsibr.scene.config import Config, load_config
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
@@ -40,11 +45,32 @@ def plan(config: Config | Path | str, *, overrides: Sequence[str] = ()) -> Plan:
         If the machine has no usable backend.
     """
     settings = config if isinstance(config, Config) else load_config(Path(config), overrides)
+    return forecast(settings)[0]
+
+
+def forecast(settings: Config) -> tuple[Plan, SamplingRecord | None]:
+    """Plan, and the samples that a bake would take where the config leaves their count to an error or a time."""
+    begun = time.perf_counter()
     backend.use()
     environment, material = load_environment(settings.environment), load_material(settings.material)
-    views = len(load_viewpoints(settings.views).directions)
-    made, split = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples)[0])
+    viewpoints = load_viewpoints(settings.views)
+    made, split = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples).size)
     kept_apart = None if settings.effects.lobes == "off" else split
     lowered = planned_settings(settings, made)
-    costs = calibrate(lowered, environment, material, kept_apart, made, views)
-    return priced(made, costs, settings.map.resolution)
+    sampling = None
+    if settings.sampling.decided_later:
+        with backend.rendering(made.rendering):
+            integrator = SphereIntegrator(
+                environment.emitter(),
+                material.bsdf(),
+                made.resolution,
+                kept_apart,
+                settings.sampling.clamp,
+                scope_of(made),
+            )
+            baked = planned_viewpoints(viewpoints, settings, made).directions
+            sampling = Sampler(integrator, [view_frame(view) for view in baked], settings.sampling).choose(begun)
+        counted = settings.sampling.model_copy(update={"samples": sampling.samples})
+        lowered = lowered.model_copy(update={"sampling": counted})
+    costs = calibrate(lowered, environment, material, kept_apart, made, len(viewpoints))
+    return priced(made, costs, settings.map.resolution), sampling

@@ -9,6 +9,7 @@ is the intensity of the light, the first of its Stokes parameters. A map holds w
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -90,8 +91,6 @@ class SphereIntegrator:
         clamp: float | None = None,
         scope: Scope = Scope(),
     ) -> None:
-        exact = texel_coverage(resolution)
-        self.coverage = np.where(exact < LEAST_COVERAGE, 0, exact).astype(np.float32)
         self._light = mi.load_dict({"type": "scene", "light": emitter})
         self._bsdf = bsdf
         self.rendering = backend.current_rendering()
@@ -103,9 +102,22 @@ class SphereIntegrator:
         self._channels = range(1 if scope.grey else 3)
         self._samples_light = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) and scope.light_samples
         self._samples_bsdf = self._light.environment() is not None
-        self._resolution = resolution
         self._clamp = None if clamp is None else dr.opaque(mi.Float, clamp)
-        self._texels = resident(mi.UInt32, np.flatnonzero(self.coverage).astype(np.uint32))
+        self._lay_out(resolution)
+
+    def _lay_out(self, resolution: int) -> None:
+        exact = texel_coverage(resolution)
+        self.coverage = np.where(exact < LEAST_COVERAGE, 0, exact).astype(np.float32)
+        self._resolution = resolution
+        self._side = dr.opaque(mi.UInt32, resolution)  # maps of another size need no other kernel
+        self._covered = np.flatnonzero(self.coverage).astype(np.uint32)
+        self._texels = resident(mi.UInt32, self._covered)
+
+    def at_resolution(self, resolution: int) -> SphereIntegrator:
+        """Return the same estimator for maps of another size: neither the scene nor a kernel is made anew."""
+        other = copy(self)
+        other._lay_out(resolution)
+        return other
 
     def block(self, frame: NDArray[np.float64], samples: int, seeds: np.random.SeedSequence) -> NDArray[np.float32]:
         """Mean radiance of each texel over one block of samples.
@@ -135,10 +147,33 @@ class SphereIntegrator:
         total = np.zeros((dr.width(self._texels), len(self.lobe_names), len(self._channels)))
         for seed in seeds.generate_state(launches):
             # One launch at a time: each conversion waits, and float64 adds any number of them without loss
-            means = self._launch(matrix, each, int(seed))
-            total += np.array([np.array(lobe) for lobe in means], dtype=np.float64).transpose(2, 0, 1)
-        colours = np.broadcast_to(total / launches, (*total.shape[:2], 3))
-        return np.ascontiguousarray(colours, dtype=np.float32)
+            total += self._launch(matrix, self._texels, each, int(seed))
+        return _in_colour(total / launches)
+
+    def blocks(
+        self, frame: NDArray[np.float64], texels: NDArray[np.integer], samples: int, seed: int
+    ) -> NDArray[np.float32]:
+        """Mean radiance over one block each, of texels in any order and as often as is liked, in one launch.
+
+        Parameters
+        ----------
+        frame : ndarray, shape (3, 3)
+            As in `block`.
+        texels : ndarray of int, shape (B,)
+            Which of the covered texels each block is for. Blocks are independent, of the same texel too.
+        samples : int
+            Samples of a block, stratified among each other; a count from `stratified`.
+        seed : int
+            Fixes every random number, 32 bits.
+
+        Returns
+        -------
+        ndarray, shape (B, lobes, 3)
+            Unbiased estimates, as in `block`.
+        """
+        matrix = mi.Matrix3f(frame.astype(np.float32))
+        dr.make_opaque(matrix)
+        return _in_colour(self._launch(matrix, resident(mi.UInt32, self._covered[texels]), samples, seed))
 
     def image(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Lay values of the covered texels out as an image, zero elsewhere."""
@@ -146,20 +181,22 @@ class SphereIntegrator:
         image[np.flatnonzero(self.coverage)] = values
         return image.reshape(self._resolution, self._resolution, 3)
 
-    def _launch(self, matrix: mi.Matrix3f, samples: int, seed: int) -> list[list[mi.Float]]:
-        lanes = dr.width(self._texels) * samples
+    def _launch(self, matrix: mi.Matrix3f, texels: mi.UInt32, samples: int, seed: int) -> NDArray[np.float64]:
+        """Mean over `samples` of each entry of `texels`, shape (entries, lobes, channels)."""
+        lanes = dr.width(texels) * samples
         sampler = mi.load_dict({"type": "multijitter", "sample_count": samples})
         sampler.set_samples_per_wavefront(
             samples
         )  # without it every lane is a texel of its own, and nothing stratified
         seed_lane = dr.opaque(mi.UInt32, seed)
         sampler.seed(seed_lane, lanes)
-        texel = dr.gather(mi.UInt32, self._texels, dr.arange(mi.UInt32, lanes) // samples)
+        texel = dr.gather(mi.UInt32, texels, dr.arange(mi.UInt32, lanes) // samples)
         n = matrix @ normal_from_disk(self._point_in_disk(texel, sampler.next_2d(), seed_lane))
         v = mi.Vector3f(matrix[0, 2], matrix[1, 2], matrix[2, 2])
         lobes = [[lobe[c] for c in self._channels] for lobe in self._clamped(self._reflected(n, v, sampler))]
         dr.eval(lobes)  # once for all lobes and channels, not once a sum; what no one asks for is not computed
-        return [[dr.block_sum(channel, samples) / samples for channel in lobe] for lobe in lobes]
+        means = [[np.array(dr.block_sum(channel, samples) / samples) for channel in lobe] for lobe in lobes]
+        return np.array(means, dtype=np.float64).transpose(2, 0, 1)
 
     def _point_in_disk(self, texel: mi.UInt32, jitter: mi.Point2f, seed: mi.UInt32) -> mi.Point2f:
         """A point drawn uniformly from the part of the texel inside the disk.
@@ -167,8 +204,8 @@ class SphereIntegrator:
         The stratified point is kept where it lies inside. At the rim others are drawn until one does: every sample
         counts, and its weight is one, so that coverage is divided out without any noise.
         """
-        step = 2.0 / self._resolution
-        column, row = texel % self._resolution, texel // self._resolution
+        step = 2 / mi.Float(self._side)
+        column, row = texel % self._side, texel // self._side
         corner = mi.Point2f(column * step - 1, 1 - row * step)
 
         def point(jitter: mi.Point2f) -> mi.Point2f:
@@ -252,6 +289,11 @@ class SphereIntegrator:
         share = dr.select(is_delta, 1, drawn.pdf / (drawn.pdf + pdf))
         radiance = _intensity(si, weight, drawn.wo, environment.eval(escaped)) * share
         return dr.select(~(drawn.pdf <= 0), radiance, 0), drawn.wo, is_delta
+
+
+def _in_colour(values: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Three channels, where one stands for all as well."""
+    return np.ascontiguousarray(np.broadcast_to(values, (*values.shape[:2], 3)), dtype=np.float32)
 
 
 def _intensity(

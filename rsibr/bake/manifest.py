@@ -109,6 +109,106 @@ class HealthRecord(_Record):
     largest: float
 
 
+class SamplingRecord(_Record):
+    """How many samples a bake takes, and where; decided before its first view, and kept when it is resumed.
+
+    Attributes
+    ----------
+    block : int
+        Samples of a block; the blocks of a texel are independent.
+    even : int
+        Blocks of a texel where all have as many, and about their mean where not.
+    scale : float or None
+        Blocks to the relative standard deviation of a texel, see `rsibr.bake.allocation`; None: all have as many.
+    gain : float or None
+        Predicted ratio of the noise of even samples to that of allocated ones; None where no pilot asked.
+    promised_rel_mse, promised_seconds : float or None
+        What the config asks for.
+    forecast_rel_mse : float or None
+        Noise of the maps that the pilot predicts, as relMSE, mean over the views.
+    seconds : float
+        From the beginning of the bake until this was decided: probes, pilots, kernels compiled.
+    """
+
+    block: int = Field(ge=1)
+    even: int = Field(ge=2)
+    scale: float | None = Field(None, gt=0.0)
+    gain: float | None = None
+    promised_rel_mse: float | None = None
+    promised_seconds: float | None = None
+    forecast_rel_mse: float | None = None
+    seconds: float = Field(0.0, ge=0.0)
+
+    @property
+    def samples(self) -> int:
+        """Samples a texel, on average."""
+        return self.block * self.even
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What of it fixes the bits of the maps."""
+        return {"block": self.block, "even": self.even, "scale": self.scale}
+
+
+class ProbeRecord(_Record):
+    """What a quick probe found: maps of few samples, held against views that are not among them.
+
+    Attributes
+    ----------
+    resolution, views, samples : int
+        Texels a side, stored views, and samples a texel of the probe.
+    bias, upper : float
+        RelMSE of the method `rsibr` without noise, mean over the probed views, and its upper confidence bound.
+    noise : float
+        RelMSE that the noise of maps of so many samples adds.
+    """
+
+    resolution: int
+    views: int
+    samples: int
+    bias: float
+    upper: float
+    noise: float
+
+
+class BudgetRecord(_Record):
+    """What a budget of the whole bake promised, chose and reached.
+
+    Attributes
+    ----------
+    asked : dict
+        The config as it was asked for, with its budget.
+    resolved : dict
+        What was made of it: the same without a budget, and with the choice.
+    promised_error, promised_seconds : float or None
+        The budget itself.
+    chosen : ProbeRecord
+        Probe of the size that was chosen.
+    probes : tuple of ProbeRecord
+        All that were made, in their order.
+    forecast_error : float
+        RelMSE that is expected at most: upper bound of the bias, and the noise of the samples chosen.
+    choice_seconds : float
+        Time that the probes took.
+    reached_error, reached_ci95 : float, pair of float
+        RelMSE at views that took no part in the choice, with its confidence interval over them; None until measured.
+    reached_seconds : float or None
+        Time of the whole bake, choice included, the measurement of `reached_error` not; None until it is done.
+    """
+
+    asked: dict[str, Any]
+    resolved: dict[str, Any]
+    promised_error: float | None = None
+    promised_seconds: float | None = None
+    chosen: ProbeRecord
+    probes: tuple[ProbeRecord, ...]
+    forecast_error: float
+    choice_seconds: float = Field(ge=0.0)
+    reached_error: float | None = None
+    reached_ci95: tuple[float, float] | None = None
+    reached_seconds: float | None = Field(None, ge=0.0)
+
+
 class ViewState(_Record):
     """One view of the bake, and its file once that is done.
 
@@ -126,6 +226,9 @@ class ViewState(_Record):
         Whether the file is there, whole.
     health : HealthRecord or None
         What is wrong with the map; None until done, and in bakes older than this record.
+    noise : float or None
+        RelMSE that the noise of the map makes, from its variance; None until done, where a texel is not finite, and in
+        bakes older than this field.
     """
 
     index: int = Field(ge=0)
@@ -136,6 +239,7 @@ class ViewState(_Record):
     bytes: int | None = Field(None, ge=0)
     done: bool = False
     health: HealthRecord | None = None
+    noise: float | None = Field(None, ge=0.0)
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
@@ -152,7 +256,9 @@ class ViewState(_Record):
         """Return the same view with nothing done."""
         return ViewState(index=self.index, view=self.view, file=self.file)
 
-    def finished(self, sha256: str, seconds: float, size: int, health: HealthRecord | None = None) -> ViewState:
+    def finished(
+        self, sha256: str, seconds: float, size: int, health: HealthRecord | None = None, noise: float | None = None
+    ) -> ViewState:
         """Return the same view with its file: checksum, time it took [s], size [bytes], what is wrong with the map."""
         return ViewState(
             index=self.index,
@@ -163,6 +269,7 @@ class ViewState(_Record):
             bytes=size,
             done=True,
             health=health,
+            noise=noise,
         )
 
 
@@ -198,6 +305,10 @@ class Manifest(_Record):
         State of each view, in the order of the directions.
     plan : Plan or None
         Which effects are simulated, and why; None in bakes older than plans.
+    sampling : SamplingRecord or None
+        How many samples are taken, and where; None in bakes older than this record.
+    budget : BudgetRecord or None
+        What a budget of the whole bake chose; None without one.
     """
 
     schema_version: Literal[1] = SCHEMA_VERSION
@@ -215,6 +326,8 @@ class Manifest(_Record):
     triangles: tuple[Triangle, ...]
     views: tuple[ViewState, ...]
     plan: Plan | None = None
+    sampling: SamplingRecord | None = None
+    budget: BudgetRecord | None = None
 
     @classmethod
     def planned(
@@ -231,6 +344,8 @@ class Manifest(_Record):
         directions: ArrayLike,
         triangles: ArrayLike,
         plan: Plan | None = None,
+        sampling: SamplingRecord | None = None,
+        budget: BudgetRecord | None = None,
     ) -> Manifest:
         """Manifest of a bake of which nothing is done yet.
 
@@ -238,7 +353,7 @@ class Manifest(_Record):
         ----------
         config, identity : mapping
             What JSON can hold: dicts with string keys, lists, strings, finite numbers, booleans, None.
-        packages, variant, environment, material, resolution, plan
+        packages, variant, environment, material, resolution, plan, sampling, budget
             See the class.
         directions : array_like, shape (V, 3)
             Unit view vectors.
@@ -268,6 +383,8 @@ class Manifest(_Record):
             triangles=tuple((int(i), int(j), int(k)) for i, j, k in np.asarray(triangles, np.int64)),
             views=tuple(ViewState(index=i, view=row, file=map_name(i)) for i, row in enumerate(rows)),
             plan=plan,
+            sampling=sampling,
+            budget=budget,
         )
 
     @model_validator(mode="after")
@@ -289,6 +406,22 @@ class Manifest(_Record):
     def seconds(self) -> float:
         """Time that the views done so far took to bake [s]."""
         return sum(state.seconds or 0.0 for state in self.views)
+
+    @property
+    def total_seconds(self) -> float:
+        """Time from the beginning of the bake to its last map, what was decided before the first one included [s]."""
+        return self.seconds + (self.sampling.seconds if self.sampling else 0.0)
+
+    @property
+    def noise(self) -> float | None:
+        """RelMSE that the noise of the maps makes, mean over the views done; None where one does not know its own."""
+        known = [state.noise for state in self.views if state.done]
+        return sum(known) / len(known) if known and None not in known else None  # type: ignore[arg-type]
+
+    @property
+    def samples(self) -> int:
+        """Samples a texel, on average; of bakes older than their record, those of the config."""
+        return self.sampling.samples if self.sampling else int(self.config["sampling"]["samples"])
 
     @property
     def size(self) -> int:

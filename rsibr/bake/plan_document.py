@@ -7,6 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from rsibr.bake.manifest import BudgetRecord, SamplingRecord
 from rsibr.effects.plan import Plan
 
 
@@ -18,11 +19,14 @@ class PlanDocument(BaseModel):
     schema_version: Literal[1] = Field(alias="schema")
     missed: tuple[str, ...] = Field(description="effects that matter here and are left out")
     plan: Plan
+    sampling: SamplingRecord | None = Field(None, description="what a target error or a time budget would choose")
+    budget: BudgetRecord | None = Field(None, description="what a budget of the whole bake would choose")
 
     @classmethod
-    def of(cls, plan: Plan) -> PlanDocument:
-        """Take over a plan."""
-        return cls(schema=1, missed=tuple(effect.name for effect in plan.missed), plan=plan)
+    def of(cls, plan: Plan, sampling: SamplingRecord | None = None, budget: BudgetRecord | None = None) -> PlanDocument:
+        """Take over a plan, and what else would be chosen."""
+        missed = tuple(effect.name for effect in plan.missed)
+        return cls(schema=1, missed=missed, plan=plan, sampling=sampling, budget=budget)
 
     def to_json(self) -> str:
         """Return strict JSON, indented."""

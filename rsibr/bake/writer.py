@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -27,6 +28,7 @@ from rsibr.bake.manifest import (
     write_manifest,
 )
 from rsibr.bake.map_file import MapFile, write_map
+from rsibr.bake.noise import map_noise
 from rsibr.effects.plan import Plan
 from rsibr.errors import BakeError
 
@@ -53,15 +55,18 @@ class BakeWriter:
         self._lock = lock
 
     @classmethod
-    def open(cls, path: Path, manifest: Manifest, fresh: bool = False) -> BakeWriter:
+    def open(
+        cls, path: Path, manifest: Manifest | Callable[[Manifest | None], Manifest], fresh: bool = False
+    ) -> BakeWriter:
         """Begin a bake in the directory `path`, or go on with the one that is there.
 
         Parameters
         ----------
         path : Path
             Directory of the bake, `NAME.rsibr`; made where it does not exist, parents too.
-        manifest : Manifest
-            What to bake, from `Manifest.planned`.
+        manifest : Manifest or callable
+            What to bake, from `Manifest.planned`; or what makes it, once the directory is this process's own, of the
+            manifest that is there, if any: what was decided then is not decided again.
         fresh : bool
             Whether to throw away a bake that is there, whatever its config and state, and to begin anew.
 
@@ -123,8 +128,8 @@ class BakeWriter:
             raise ValueError(f"a view cannot take {seconds} s")
         file = self.path / state.file
         sha256 = write_map(file, map_file)
-        size, health = file.stat().st_size, map_health(map_file).record()
-        done = state.finished(sha256=sha256, seconds=float(seconds), size=size, health=health)
+        size, health, noise = file.stat().st_size, map_health(map_file).record(), map_noise(map_file)
+        done = state.finished(sha256, float(seconds), size, health, noise if math.isfinite(noise) else None)
         self._record(self.manifest.with_views(done))
 
     @property
@@ -186,11 +191,12 @@ class BakeWriter:
                 raise unwritable(entry, error) from error
 
 
-def _continued(path: Path, wanted: Manifest, fresh: bool) -> Manifest:
-    """Return `wanted` with the views that are already there, whole."""
-    if fresh or not (path / MANIFEST_NAME).exists():
+def _continued(path: Path, manifest: Manifest | Callable[[Manifest | None], Manifest], fresh: bool) -> Manifest:
+    """Return what is wanted with the views that are already there, whole."""
+    found = None if fresh or not (path / MANIFEST_NAME).exists() else read_manifest(path / MANIFEST_NAME)
+    wanted = manifest if isinstance(manifest, Manifest) else manifest(found)
+    if found is None:
         return wanted
-    found = read_manifest(path / MANIFEST_NAME)
     differing = differences(found, wanted)
     if differing:
         what = f"holds a bake of another config ({'; '.join(differing)})"

@@ -27,8 +27,9 @@ def bake(
     json_output: Json = False,
 ) -> None:
     """Render the radiance sphere maps of all views. A bake that was killed goes on where it was."""
-    from rsibr.bake.baker import bake as run_bake
     from rsibr.cli.console import bake_progress, note_health, note_peculiarities
+    from rsibr.cli.promises import promises, reached_lines
+    from rsibr.study.budget import bake as run_bake
 
     overrides = [*(overrides or ()), *(() if clamp is None else (f"sampling.clamp={clamp}",))]
 
@@ -47,6 +48,7 @@ def bake(
             "bytes": finished.bytes,
             "config_hash": finished.manifest.config_hash,
             "environment": finished.manifest.environment.model_dump(),
+            **promises(finished.manifest),
         }
         typer.echo(json.dumps(state))
     else:
@@ -54,3 +56,5 @@ def bake(
             f"{finished.path}: {finished.view_count} views of {finished.resolution}², "
             f"{finished.seconds:.1f} s, {finished.bytes / 2**20:.1f} MiB"
         )
+        for line in reached_lines(finished.manifest):
+            typer.echo(line)

@@ -24,14 +24,18 @@ def plan(
     json_output: Json = False,
 ) -> None:
     """Say which effects a scene calls for, with evidence, cost, and the error of leaving each out. Bakes nothing."""
-    from rsibr.bake.forecast import plan as run
     from rsibr.bake.plan_document import PlanDocument
+    from rsibr.cli.promises import chosen_lines
+    from rsibr.scene.config import load_config
+    from rsibr.study.budget import planned
 
-    made = run(config, overrides=overrides or ())
+    made, sampling, budget = planned(load_config(config, overrides or ()))
     if json_output:
-        typer.echo(PlanDocument.of(made).to_json(), nl=False)
+        typer.echo(PlanDocument.of(made, sampling, budget).to_json(), nl=False)
         return
     _print(made)
+    for line in chosen_lines(sampling, budget):
+        typer.echo(line)
 
 
 def _print(made: Plan) -> None:

@@ -16,8 +16,10 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    SerializerFunctionWrapHandler,
     ValidationError,
     ValidationInfo,
+    model_serializer,
     model_validator,
 )
 
@@ -174,12 +176,18 @@ class MapConfig(_Section):
 
 
 class SamplingConfig(_Section):
-    """The samples.
+    """The samples: their count, or one of `target_error` and `time_budget_s` that decides on it.
 
     Attributes
     ----------
     samples : int
-        Samples a texel, 4 to 2^24.
+        Samples a texel, 4 to 2^24; on average, where they are adaptive.
+    target_error : float, optional
+        Noise that the stored maps may have, as relMSE, mean over the views: as many samples as that takes.
+    time_budget_s : float, optional
+        Seconds that the whole bake may take: as many samples as fit.
+    adaptive : bool
+        Whether noisier texels and views get more samples than others, where a pilot says that it pays.
     seed : int
         Root of all randomness.
     clamp : float, optional
@@ -187,8 +195,53 @@ class SamplingConfig(_Section):
     """
 
     samples: int = Field(default=1024, ge=4, le=2**24)
+    target_error: Finite | None = Field(default=None, gt=0.0)
+    time_budget_s: Finite | None = Field(default=None, gt=0.0)
+    adaptive: bool = True
     seed: int = Field(default=0, ge=0, lt=2**63)
     clamp: Finite | None = Field(default=None, gt=0.0)
+
+    @property
+    def decided_later(self) -> bool:
+        """Whether the count of samples follows from an error or a time."""
+        return self.target_error is not None or self.time_budget_s is not None
+
+    @model_validator(mode="after")
+    def _one_count(self) -> SamplingConfig:
+        counts = {name: getattr(self, name) for name in ("samples", "target_error", "time_budget_s")}
+        given = [name for name, value in counts.items() if name in self.model_fields_set and value is not None]
+        if len(given) > 1:
+            raise ValueError(f"give one of {' and '.join(given)}, not {'all' if len(given) > 2 else 'both'}")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_a_count_that_was_not_asked_for(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        plain: dict[str, Any] = handler(self)
+        if self.decided_later:
+            del plain["samples"]
+        return plain
+
+
+class BudgetConfig(_Section):
+    """A budget of the whole bake: exactly one of `error` and `seconds`.
+
+    It decides on what the config itself leaves open of `map.resolution`, `views.subdivision` and `sampling.samples`.
+
+    Attributes
+    ----------
+    error : float, optional
+        RelMSE that the map of a new view, made by the method `rsibr`, may have against the truth.
+    seconds : float, optional
+        Seconds that the whole bake may take.
+    """
+
+    error: Finite | None = Field(default=None, gt=0.0)
+    seconds: Finite | None = Field(default=None, gt=0.0)
+
+    @model_validator(mode="after")
+    def _one_limit(self) -> BudgetConfig:
+        self._require_exactly_one("error", "seconds")
+        return self
 
 
 Switch = Literal["auto", "on", "off"]
@@ -257,6 +310,13 @@ class Config(_Section):
     map: MapConfig = MapConfig()
     sampling: SamplingConfig = SamplingConfig()
     effects: EffectsConfig = EffectsConfig()
+    budget: BudgetConfig | None = None
+
+    @model_validator(mode="after")
+    def _one_budget(self) -> Config:
+        if self.budget is not None and self.sampling.decided_later:
+            raise ValueError("[budget] decides on the samples: leave out sampling.target_error and time_budget_s")
+        return self
 
     def to_dict(self) -> dict[str, Any]:
         """Return the config as plain JSON data, paths as strings; `parse_config` reads it back to an equal config."""

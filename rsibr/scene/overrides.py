@@ -14,6 +14,8 @@ ALTERNATIVES: Mapping[str, tuple[str, ...]] = {
     "environment": ("file", "emitter"),
     "material": ("preset", "bsdf", "file"),
     "views": ("subdivision", "file"),
+    "sampling": ("samples", "target_error", "time_budget_s"),
+    "budget": ("error", "seconds"),
 }
 """Keys of each section that exclude one another: to set one of them takes the others out of the config."""
 

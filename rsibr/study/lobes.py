@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.bake.noise import COVERED
 from rsibr.effects.lobes import LobeSplit
 from rsibr.reconstruct.method import Method
 from rsibr.reconstruct.reconstruction import run
@@ -17,7 +18,6 @@ from rsibr.validate.estimate import Estimate
 from rsibr.validate.estimate_document import EstimateModel
 from rsibr.validate.lobe_reference import LobeReference
 from rsibr.validate.lobes import lobe_errors
-from rsibr.validate.metrics import COVERED
 from rsibr.validate.reference import MINIMUM_BUFFERS, Reference
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.bake.map_file import MapFile
+from rsibr.bake.noise import COVERED, denominator
 from rsibr.bake.store import Bake
 from rsibr.validate.estimate_document import EstimateModel
-from rsibr.validate.metrics import COVERED, denominator
 from rsibr.validate.reference import Reference
 
 _NOISE_BRANCH = 0x6E6F_6973

@@ -41,12 +41,14 @@ class BakeSize:
 
     def config(self, scene: Config) -> Config:
         """Config of the bake of `scene` at this size."""
-        sampling = SamplingConfig.model_validate({**scene.sampling.model_dump(), "samples": self.samples})
+        sampling = SamplingConfig.model_validate(
+            {**scene.sampling.model_dump(exclude={"target_error", "time_budget_s"}), "samples": self.samples}
+        )
         views = scene.views if self.subdivision is None else ViewsConfig(subdivision=self.subdivision)
         # A study asks what views are worth: it takes them where a plan would do without
         effects = scene.effects.model_copy(update={"view_dependence": "on"})
         resolution = MapConfig(resolution=self.resolution)
-        changed = {"sampling": sampling, "map": resolution, "views": views, "effects": effects}
+        changed = {"sampling": sampling, "map": resolution, "views": views, "effects": effects, "budget": None}
         return scene.model_copy(update=changed)
 
 

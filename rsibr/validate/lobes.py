@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.bake.noise import COVERED, denominator
 from rsibr.bake.store import Bake
 from rsibr.effects.lobes import LobeSplit
 from rsibr.errors import BakeError, InputError
@@ -19,7 +20,6 @@ from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material
 from rsibr.validate.estimate import Estimate, jackknife, mean_estimate
 from rsibr.validate.lobe_reference import LobeReference
-from rsibr.validate.metrics import COVERED, denominator
 
 METHOD = "rsibr"
 """The method whose lobes are judged."""

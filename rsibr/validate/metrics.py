@@ -12,20 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.bake.noise import COVERED, denominator
 from rsibr.errors import CheckFailed
 from rsibr.validate.estimate import Estimate, jackknife
 from rsibr.validate.flip import Exposures, flip_map
 from rsibr.validate.reference import Reference
 
-COVERED = 0.5
-"""Texels of this coverage or more are judged."""
-
 ZONES: dict[str, tuple[float, float]] = {"inner": (0.0, 2 / 3), "middle": (2 / 3, 0.9), "rim": (0.9, np.inf)}
 """Radii of the texel centres in the unit disk: the error of a warp lives at the rim."""
-
-_SOFTENING = 0.1
-_DARKEST_CHANNEL = 1e-4
-_TINY = float(np.finfo(np.float32).tiny) ** 2
 
 Array = NDArray[np.float64]
 
@@ -206,24 +200,6 @@ def _debiased(a: Array, moments: _Moments) -> Array:
     of the denominator leaves (a few per cent of the value at 3 % noise) the jackknife takes out.
     """
     return np.asarray(((a - moments.mean) ** 2 - moments.variance) / denominator(moments.mean))
-
-
-def denominator(b: Array) -> Array:
-    """b² + ε, with ε = (0.1·mean b)² a channel: what a squared error is relative to.
-
-    Parameters
-    ----------
-    b : ndarray, shape (T, 3)
-        Radiance of the reference in the judged texels.
-
-    Notes
-    -----
-    A channel darker than 1e-4 of the mean of all three takes that as its mean, lest rounding in a channel that is all
-    but black outweighs what can be seen. The least float32 keeps an all-black reference finite.
-    """
-    mean = np.abs(b.mean(axis=0))
-    softening = _SOFTENING * np.maximum(mean, _DARKEST_CHANNEL * mean.mean())
-    return np.asarray(b**2 + softening**2 + _TINY)
 
 
 def _smape(a: Array, b: Array) -> float:

@@ -207,7 +207,7 @@ def _summary(bake: Bake) -> BakeSummary:
         environment=manifest.environment.name,
         views=bake.view_count,
         resolution=bake.resolution,
-        samples=int(bake.config["sampling"]["samples"]),
+        samples=manifest.samples,
         seconds=bake.seconds,
         bytes=bake.bytes,
         details={

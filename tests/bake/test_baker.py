@@ -105,7 +105,7 @@ def test_config_comes_back_from_the_manifest_as_it_went_in(config, tmp_path):
 
 def test_manifest_tells_what_made_the_bake(config, tmp_path):
     manifest = bake(config, out=tmp_path / "b.rsibr").manifest
-    assert manifest.config["sampling"] == {"samples": 64, "seed": 7}
+    assert manifest.config["sampling"] == {"samples": 64, "seed": 7, "adaptive": True}
     assert manifest.packages["rsibr"] == rsibr.__version__
     assert set(manifest.packages) == {"mitsuba", "drjit", "numpy", "OpenEXR", "rsibr"}
     assert manifest.material.name == "glossy-plastic"

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from rsibr.bake.baker import bake, bake_view
+from rsibr.bake.blocks import Blocks
 from rsibr.bake.health import LARGEST_HALF, map_health
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.manifest import HealthRecord, read_manifest
@@ -190,7 +191,7 @@ def glossy_nan() -> mi.BSDF:
 @pytest.mark.parametrize("clamp", [None, 0.5])
 def test_nan_samples_of_a_glossy_lobe_are_counted_clamped_or_not(clamp):
     integrator = SphereIntegrator(SKY, glossy_nan(), 16, clamp=clamp)
-    baked = bake_view(integrator, np.eye(3), [4, 4], seed=0, index=0)
+    baked = bake_view(integrator, np.eye(3), Blocks(4, 2), seed=0, index=0)
     x, y = np.meshgrid(*[(np.arange(16) + 0.5) / 8 - 1] * 2)
     sick = map_health(baked).found["non_finite"]
     grazing = np.hypot(x, y)

@@ -5,7 +5,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.bake.baker import bake_view, block_sizes
+from rsibr.bake.baker import bake_view
+from rsibr.bake.blocks import block_sizes
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.effects.albedo import NODES, node_cosines
 from rsibr.effects.fit import fit_lobes

@@ -9,7 +9,8 @@ from scipy.stats import norm
 from scipy.stats import t as student
 from typer.testing import CliRunner
 
-from rsibr.bake.baker import bake, bake_view, block_sizes
+from rsibr.bake.baker import bake, bake_view
+from rsibr.bake.blocks import block_sizes
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.map_file import read_map, write_map
 from rsibr.cli.app import app

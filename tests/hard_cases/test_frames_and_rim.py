@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from rsibr.bake.baker import bake_view, block_sizes
+from rsibr.bake.baker import bake_view
+from rsibr.bake.blocks import block_sizes
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.errors import InputError
 from rsibr.geometry.frame import frame_of, transported, unit_view, view_frame

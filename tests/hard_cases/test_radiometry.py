@@ -10,7 +10,8 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from rsibr.bake.baker import bake, bake_view, block_sizes
+from rsibr.bake.baker import bake, bake_view
+from rsibr.bake.blocks import Blocks, block_sizes
 from rsibr.bake.health import map_health
 from rsibr.bake.integrator import SphereIntegrator, _interaction
 from rsibr.effects.probe import RETRO_RATIO, retro_ratio
@@ -289,7 +290,7 @@ def test_hc23_outliers_are_counted_and_reported(tmp_path):
     Fails when fireflies are not looked for: mutant hc23 (counted).
     """
     made = integrator(MIRROR, resolution=N)
-    sound = bake_view(made, np.eye(3), [4] * 16, seed=0, index=0)
+    sound = bake_view(made, np.eye(3), Blocks(4, 16), seed=0, index=0)
     image, variance = sound.layers["radiance"].copy(), np.full_like(sound.variance, 1e-6)
     for row, column in ((16, 16), (9, 20)):
         image[row, column], variance[row, column] = 60.0, 60.0**2
@@ -305,15 +306,14 @@ def test_hc23_an_outlier_of_a_block_reaches_the_map_and_its_variance(monkeypatch
     """
     made = integrator(MIRROR, resolution=8)
     covered = int((made.coverage > 0).sum())
-    blocks = iter(range(16))
 
-    def block(frame, samples, seeds):
-        means = np.ones((covered, 1, 3), dtype=np.float32)
-        means[20] = 1e15 if next(blocks) == 7 else 1
+    def blocks(frame, texels, samples, seed):
+        means = np.ones((len(texels), 1, 3), dtype=np.float32)
+        means[20 * 16 + 7] = 1e15
         return means
 
-    monkeypatch.setattr(made, "block", block)
-    baked = bake_view(made, np.eye(3), [4] * 16, seed=0, index=0)
+    monkeypatch.setattr(made, "blocks", blocks)
+    baked = bake_view(made, np.eye(3), Blocks(4, 16), seed=0, index=0)
     expected = (1e15 + 15) / 16
     assert baked.layers["radiance"].max() == pytest.approx(expected, rel=1e-6)
     assert baked.variance.max() == pytest.approx(expected**2, rel=1e-6)

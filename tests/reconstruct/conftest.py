@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rsibr.bake.baker import bake, bake_view, block_sizes
+from rsibr.bake.baker import bake, bake_view
+from rsibr.bake.blocks import block_sizes
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.geometry.frame import view_frame
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig

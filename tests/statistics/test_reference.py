@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from rsibr.bake.baker import bake_view, block_sizes
+from rsibr.bake.baker import bake_view
+from rsibr.bake.blocks import block_sizes
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.geometry.frame import view_frame
 from rsibr.resources import scenes

@@ -1,0 +1,193 @@
+"""How many samples a bake takes, and where: decided once, before its first view, and recorded."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.bake.allocation import Allocation, equal_work
+from rsibr.bake.blocks import MAX_BLOCKS, Blocks, block_sizes
+from rsibr.bake.calibration import map_overhead, sample_seconds
+from rsibr.bake.integrator import SphereIntegrator
+from rsibr.bake.manifest import SamplingRecord
+from rsibr.bake.noise_pilot import LEAST_SIDE, Image, NoisePilot
+from rsibr.errors import InputError
+from rsibr.scene.config import SamplingConfig
+
+WORTH_IT = 1.15
+"""Predicted ratio of the noise of even samples to that of allocated ones above which they are allocated: below, the
+pilot, the odd launches and what the prediction is off by leave nothing to win."""
+
+LEAST_WORK = 2**19
+"""Samples of a view below which no pilot is made to allocate them: its launch would take longer than it saves."""
+
+NOISE_MARGIN = 1.1
+"""Predicted noise of a bake to the one promised: the prediction is right to a few per cent, and rather too high."""
+
+PROMISING_SIDE = 32
+"""Texels of a pilot along a side at least where an error is promised."""
+
+TIME_MARGIN = 0.9
+"""Forecast seconds to those allowed."""
+
+TYPICAL_SIZE = 16
+"""Samples of a block to begin with where their count is still to be found."""
+
+MAX_SAMPLES = 2**24
+LEAST_SAMPLES = 4
+
+
+@dataclass(eq=False)
+class Sampler:
+    """Chooses the samples of a bake, and hands each view its own.
+
+    Attributes
+    ----------
+    integrator : SphereIntegrator
+        That of the bake.
+    frames : sequence of ndarray, shape (3, 3)
+        Frames of all its views.
+    config : SamplingConfig
+        What is asked for.
+    """
+
+    integrator: SphereIntegrator
+    frames: Sequence[NDArray[np.float64]]
+    config: SamplingConfig
+    _pilot: NoisePilot | None = None
+    _looks: dict[int, Image] = field(default_factory=dict)
+
+    def choose(self, begun: float) -> SamplingRecord:
+        """Decide.
+
+        Parameters
+        ----------
+        begun : float
+            When the bake began, by `time.perf_counter`: a budget of seconds runs from there.
+
+        Raises
+        ------
+        InputError
+            If no count of samples keeps what is asked for.
+        """
+        if self.config.target_error is not None:
+            record = self._for_error(self.config.target_error)
+        elif self.config.time_budget_s is not None:
+            record = self._for_seconds(self.config.time_budget_s, begun)
+        else:
+            record = self._as_given(block_sizes(self.config.samples))
+        return record.model_copy(update={"seconds": time.perf_counter() - begun})
+
+    def blocks(self, record: SamplingRecord, index: int) -> Blocks:
+        """Blocks of each texel of a view; the same whether or not the choice was made in this process."""
+        if record.scale is None:
+            return Blocks(record.block, record.even)
+        pilot = self._pilot_for(record.block)
+        spread = pilot.enlarged(self._look(pilot, index))
+        return Blocks(record.block, Allocation(record.even, record.scale).counts(spread))
+
+    @property
+    def _texels(self) -> int:
+        return int(np.count_nonzero(self.integrator.coverage))
+
+    def _as_given(self, blocks: Blocks) -> SamplingRecord:
+        even = int(blocks.counts)
+        worth_a_pilot = even >= MAX_BLOCKS and self._texels * blocks.samples * even >= LEAST_WORK
+        if not (self.config.adaptive and worth_a_pilot):
+            return SamplingRecord(block=blocks.size, even=even)
+        return self._allocated(blocks.size, even, self._spread(blocks.size))
+
+    def _allocated(self, size: int, even: int, spread: NDArray[np.float64]) -> SamplingRecord:
+        """Samples where the noise is, or evenly where that is worth nothing."""
+        plain = Allocation(even)
+        noise = plain.noise(spread)
+        if not self.config.adaptive or even < MAX_BLOCKS or not spread.any():
+            return SamplingRecord(block=size, even=even, forecast_rel_mse=noise)
+        steered = equal_work(even, spread)
+        gain = noise / steered.noise(spread)
+        chosen = steered if gain > WORTH_IT else plain
+        return SamplingRecord(
+            block=size, even=even, scale=chosen.scale, gain=gain, forecast_rel_mse=chosen.noise(spread)
+        )
+
+    def _for_error(self, target: float) -> SamplingRecord:
+        first = self._allocated(TYPICAL_SIZE, MAX_BLOCKS, self._spread(TYPICAL_SIZE))
+        size = _size_for(_needed(first, target))
+        spread = self._spread(size)
+        again = self._allocated(size, MAX_BLOCKS, spread)
+        needed = _needed(again, target)
+        if needed > MAX_SAMPLES:
+            best = NOISE_MARGIN * (again.forecast_rel_mse or 0.0) * MAX_BLOCKS * size / MAX_SAMPLES
+            raise InputError(
+                f"noise of {target:g} (relMSE) would take {needed:.2g} samples a texel; "
+                f"the best that {MAX_SAMPLES} can promise is {best:.2g}",
+                where="sampling.target_error",
+                fix="allow for more error",
+            )
+        even = max(MAX_BLOCKS, math.ceil(needed / size))
+        factor = even / MAX_BLOCKS
+        scale = None if again.scale is None else again.scale * factor
+        noise = Allocation(even, scale).noise(spread)
+        return again.model_copy(
+            update={"even": even, "scale": scale, "forecast_rel_mse": noise, "promised_rel_mse": target}
+        )
+
+    def _for_seconds(self, allowed: float, begun: float) -> SamplingRecord:
+        size = _size_for(self._affordable(TYPICAL_SIZE, allowed, begun))
+        spread = self._spread(size)
+        affordable = self._affordable(size, allowed, begun)
+        if affordable < LEAST_SAMPLES:
+            raise InputError(
+                f"{allowed:g} s are too few for {len(self.frames)} maps of {self.integrator.coverage.shape[0]}²",
+                where="sampling.time_budget_s",
+                fix=f"allow for {math.ceil(2 * allowed + 1)} s or more, or lower map.resolution",
+            )
+        even = max(2, int(affordable / size))
+        record = self._allocated(size, even, spread)
+        return record.model_copy(update={"promised_seconds": allowed})
+
+    def _affordable(self, size: int, allowed: float, begun: float) -> float:
+        """Samples a texel that the seconds left allow for."""
+        overhead = len(self.frames) * map_overhead(self.integrator)
+        rate = sample_seconds(self.integrator, size)
+        left = TIME_MARGIN * allowed - (time.perf_counter() - begun) - overhead
+        return min(MAX_SAMPLES, left / (rate * self._texels * len(self.frames)))
+
+    def _spread(self, size: int) -> NDArray[np.float64]:
+        """Spread of the texels of all views, from a pilot of each."""
+        pilot = self._pilot_for(size)
+        return np.concatenate([pilot.spread(self._look(pilot, index)) for index in range(len(self.frames))])
+
+    def _pilot_for(self, size: int) -> NoisePilot:
+        if self._pilot is None or self._pilot.size != size:
+            least_side = LEAST_SIDE if self.config.target_error is None else PROMISING_SIDE
+            self._pilot = NoisePilot(self.integrator, size, self.config.seed, least_side)
+            self._looks.clear()
+        return self._pilot
+
+    def _look(self, pilot: NoisePilot, index: int) -> Image:
+        if index not in self._looks:
+            self._looks[index] = pilot.look(self.frames[index], index)
+        return self._looks[index]
+
+
+def _needed(record: SamplingRecord, target: float) -> float:
+    """Samples a texel that keep the noise below the target: relMSE goes with their inverse."""
+    return NOISE_MARGIN * (record.forecast_rel_mse or 0.0) / target * record.even * record.block
+
+
+def _size_for(samples: float) -> int:
+    """Samples of a block so that at least `MAX_BLOCKS` of them are taken: of few sizes, for each has its own kernel.
+
+    4, 9, 16, 36, 64, 144 …: squares, whose strata are even both ways.
+    """
+    side = 2
+    for wider in sorted([2**k for k in range(2, 11)] + [3 * 2**k for k in range(10)]):
+        if wider**2 * MAX_BLOCKS <= samples:
+            side = wider
+    return side**2

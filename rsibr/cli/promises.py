@@ -1,0 +1,66 @@
+"""What a bake promised, chose and reached, for people and for machines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsibr.bake.manifest import BudgetRecord, Manifest, SamplingRecord
+
+
+def promises(manifest: Manifest) -> dict[str, Any]:
+    """Keys of `rsibr bake --json`: samples, noise, and each promise with what was reached."""
+    sampling, budget = manifest.sampling, manifest.budget
+    told: dict[str, Any] = {"samples": manifest.samples, "noise_rel_mse": manifest.noise}
+    if sampling is not None:
+        told["adaptive"] = sampling.scale is not None
+    if sampling is not None and sampling.promised_rel_mse is not None:
+        told["target_error"] = {"promised": sampling.promised_rel_mse, "reached": manifest.noise}
+    if sampling is not None and sampling.promised_seconds is not None:
+        told["time_budget_s"] = {"promised": sampling.promised_seconds, "reached": manifest.total_seconds}
+    if budget is not None and budget.promised_error is not None:
+        told["budget"] = {
+            "error": {"promised": budget.promised_error, "reached": budget.reached_error, "ci95": budget.reached_ci95}
+        }
+    elif budget is not None:
+        told["budget"] = {
+            "seconds": {"promised": budget.promised_seconds, "reached": budget.reached_seconds},
+            "error": {"forecast": budget.forecast_error, "reached": budget.reached_error, "ci95": budget.reached_ci95},
+        }
+    return told
+
+
+def chosen_lines(sampling: SamplingRecord | None, budget: BudgetRecord | None) -> Iterator[str]:
+    """What a target, a time or a budget would choose, before anything is baked."""
+    if budget is not None:
+        size = f"{budget.chosen.views} maps of {budget.chosen.resolution}²"
+        yield f"budget: {size}, relMSE {budget.forecast_error:.2g} at most; {len(budget.probes)} probes took " + (
+            f"{budget.choice_seconds:.1f} s"
+        )
+    if sampling is not None:
+        yield f"samples: {sampling.samples} a texel{_steered(sampling)}, noise {sampling.forecast_rel_mse or 0:.2g}"
+
+
+def reached_lines(manifest: Manifest) -> Iterator[str]:
+    """Each promise of a finished bake, with what it reached."""
+    sampling, budget = manifest.sampling, manifest.budget
+    if sampling is not None and (sampling.scale is not None or sampling.promised_rel_mse or sampling.promised_seconds):
+        yield f"samples: {sampling.samples} a texel{_steered(sampling)}"
+    if sampling is not None and sampling.promised_rel_mse is not None:
+        yield f"noise (relMSE): promised {sampling.promised_rel_mse:.3g}, reached {manifest.noise or 0:.3g}"
+    if sampling is not None and sampling.promised_seconds is not None and budget is None:
+        yield f"time: promised {sampling.promised_seconds:.3g} s, reached {manifest.total_seconds:.3g} s"
+    if budget is not None and budget.promised_seconds is not None:
+        yield f"time: promised {budget.promised_seconds:.3g} s, reached {budget.reached_seconds or 0:.3g} s"
+    if budget is not None and budget.reached_error is not None:
+        asked = "expected" if budget.promised_error is None else "promised"
+        low, high = budget.reached_ci95 or (0.0, 0.0)
+        yield (
+            f"error of a new view (relMSE): {asked} {budget.promised_error or budget.forecast_error:.3g}, "
+            f"reached {budget.reached_error:.3g} ({low:.2g} to {high:.2g})"
+        )
+
+
+def _steered(sampling: SamplingRecord) -> str:
+    return "" if sampling.scale is None else ", more where it is noisy"
