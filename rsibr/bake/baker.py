@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 import rsibr
 from rsibr import backend
-from rsibr.bake.blocks import Blocks, BlockSums, block_sizes
+from rsibr.bake.blocks import Blocks, block_sizes, estimate
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.manifest import (
     BudgetRecord,
@@ -214,21 +215,24 @@ def _notes(material: Material, plan: Plan) -> tuple[str, ...]:
 
 
 def _bake_views(writer: BakeWriter, sampler: Sampler, on_progress: Callable[[Progress], None]) -> None:
-    pending, views = writer.pending, len(sampler.frames)
-    if not pending or writer.manifest.sampling is None:
+    pending, views, record = writer.pending, len(sampler.frames), writer.manifest.sampling
+    if not pending or record is None:
         return
-    for finished, index in enumerate(pending, start=views - len(pending)):
-        start = time.perf_counter()
+    with ThreadPoolExecutor(1) as storing:  # the device need not wait until the last view is on the disk
+        stored = storing.submit(lambda: None)
+        for finished, index in enumerate(pending, start=views - len(pending)):
+            start = time.perf_counter()
 
-        def report(share: float, views_done: int = finished) -> None:
-            on_progress(Progress(views_done, views, round(share * STEPS), STEPS))
+            def report(share: float, views_done: int = finished) -> None:
+                on_progress(Progress(views_done, views, round(share * STEPS), STEPS))
 
-        blocks = sampler.blocks(writer.manifest.sampling, index)
-        baked = bake_view(
-            sampler.integrator, sampler.frames[index], blocks, seed=sampler.config.seed, index=index, on_launch=report
-        )
-        seconds = max(0.0, time.perf_counter() - start)  # no clock that jumps may cost a view
-        writer.commit(index, baked, seconds)
+            blocks, frame = sampler.blocks(record, index), sampler.frames[index]
+            seed = sampler.config.seed
+            baked = bake_view(sampler.integrator, frame, blocks, seed=seed, index=index, on_launch=report)
+            seconds = max(0.0, time.perf_counter() - start)  # no clock that jumps may cost a view
+            stored.result()  # a full disk ends the bake here
+            stored = storing.submit(writer.commit, index, baked, seconds)
+        stored.result()
     on_progress(Progress(views, views, 0, STEPS))
 
 
@@ -261,14 +265,8 @@ def bake_view(
     MapFile
         Mean over the blocks, a layer a lobe, and the variance of their sum's mean.
     """
-    covered = int(np.count_nonzero(integrator.coverage))
-    launches = blocks.launch_count(covered)
-    sums = BlockSums(covered, len(integrator.lobe_names))
-    seeds = np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(launches)
-    for done, (texels, launch_seed) in enumerate(zip(blocks.launches(covered), seeds, strict=True), start=1):
-        sums.add(texels, integrator.blocks(frame, texels, blocks.samples, int(launch_seed)))
-        on_launch(done / launches)
-    lobes, variance = sums.result()
+    seeds = np.random.SeedSequence(seed, spawn_key=(index,))
+    lobes, variance = estimate(integrator, frame, blocks, seeds, on_launch)
     return MapFile(
         view=frame[:, 2].copy(),
         frame=frame,

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.bake.integrator import MAX_LANES, stratified
+from rsibr.bake.integrator import MAX_LANES, Launch, SphereIntegrator, stratified
 
 MAX_BLOCKS = 16
 """Blocks a texel where each has as many. Not more, for samples are stratified only within a block."""
@@ -73,9 +73,9 @@ class BlockSums:
     """
 
     def __init__(self, texels: int, lobes: int) -> None:
-        self._count = np.zeros((texels, 1))
-        self._total = np.zeros((texels, lobes, 3))
-        self._squares = np.zeros((texels, 3))
+        self._count = np.zeros(texels)
+        self._total = np.zeros((lobes, 3, texels))
+        self._squares = np.zeros((3, texels))
 
     def add(self, texels: NDArray[np.int64], means: NDArray[np.float32]) -> None:
         """Take in the means of some blocks.
@@ -87,11 +87,12 @@ class BlockSums:
         means : ndarray, shape (B, lobes, 3)
         """
         first = np.flatnonzero(np.diff(texels, prepend=-1))
-        where, exact = texels[first], means.astype(np.float64)
-        self._count[where] += np.diff(first, append=len(texels))[:, None]
-        self._total[where] += np.add.reduceat(exact, first, axis=0)
+        where, by_channel = texels[first], means.transpose(1, 2, 0)  # as it lies in memory
+        self._count[where] += np.diff(first, append=len(texels))
+        self._total[..., where] += np.add.reduceat(by_channel, first, axis=-1, dtype=np.float64)
         # Of float32 values in float64: what cancels below lies beneath their own rounding
-        self._squares[where] += np.add.reduceat(exact.sum(axis=1) ** 2, first, axis=0)
+        squares = by_channel.sum(axis=0, dtype=np.float64) ** 2
+        self._squares[:, where] += np.add.reduceat(squares, first, axis=-1)
 
     def result(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Mean of the blocks, and the variance of the mean of the summed lobes.
@@ -103,7 +104,59 @@ class BlockSums:
         variance : ndarray, shape (texels, 3), float32
             Its estimate has (blocks − 1) degrees of freedom.
         """
-        mean = self._total / self._count[..., None]
-        spread = np.maximum(self._squares / self._count - mean.sum(axis=1) ** 2, 0.0)  # keeps a NaN
+        mean = self._total / self._count
+        spread = np.maximum(self._squares / self._count - mean.sum(axis=0) ** 2, 0.0)  # keeps a NaN
         variance = spread / (self._count - 1)
-        return mean.astype(np.float32), variance.astype(np.float32)
+        return mean.astype(np.float32).transpose(2, 0, 1), variance.astype(np.float32).T
+
+
+def estimate(
+    integrator: SphereIntegrator,
+    frame: NDArray[np.float64],
+    blocks: Blocks,
+    seeds: np.random.SeedSequence,
+    on_launch: Callable[[float], None] = lambda _: None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Estimate all texels of a view, a launch at a time.
+
+    Parameters
+    ----------
+    integrator : SphereIntegrator
+        Scene and resolution.
+    frame : ndarray, shape (3, 3)
+        Frame of the map.
+    blocks : Blocks
+        Blocks of each texel, fixed before any of these samples is drawn.
+    seeds : SeedSequence
+        Fixes every random number.
+    on_launch : callable
+        Called with the share of the work that is done.
+
+    Returns
+    -------
+    mean, variance : ndarray
+        See `BlockSums.result`.
+    """
+    covered = int(np.count_nonzero(integrator.coverage))
+    count = blocks.launch_count(covered)
+    sums = BlockSums(covered, len(integrator.lobe_names))
+
+    def launches() -> Iterator[tuple[NDArray[np.int64], Launch]]:
+        for texels, seed in zip(blocks.launches(covered), seeds.generate_state(count), strict=True):
+            yield texels, integrator.launch(frame, texels, blocks.samples, int(seed))
+
+    for done, (texels, means) in enumerate(_one_ahead(launches()), start=1):
+        sums.add(texels, means)
+        on_launch(done / count)
+    return sums.result()
+
+
+def _one_ahead(
+    launches: Iterator[tuple[NDArray[np.int64], Launch]],
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float32]]]:
+    """Wait for each launch, and begin the next before its means are handed out: the device has no pause."""
+    current = next(launches, None)
+    while current is not None:
+        texels, means = current[0], current[1].means()
+        current = next(launches, None)
+        yield texels, means

@@ -50,6 +50,21 @@ class Scope:
     left_out: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class Launch:
+    """Blocks of samples that the device is working on, while the host is free for something else."""
+
+    _means: list[list[mi.Float]]
+
+    def means(self) -> NDArray[np.float32]:
+        """Wait for the mean radiance of each block, shape (B, lobes, 3): unbiased, as `SphereIntegrator.block`'s.
+
+        A view of memory in which the blocks of one channel lie together.
+        """
+        by_channel = np.array([[np.array(channel) for channel in lobe] for lobe in self._means], dtype=np.float32)
+        return np.broadcast_to(by_channel, (len(by_channel), 3, by_channel.shape[-1])).transpose(2, 0, 1)
+
+
 class SphereIntegrator:
     """Estimates the radiance of a sphere map, a block of samples at a time.
 
@@ -144,16 +159,14 @@ class SphereIntegrator:
         dr.make_opaque(matrix)
         launches = math.ceil(samples * dr.width(self._texels) / MAX_LANES)
         each = stratified(math.ceil(samples / launches))
-        total = np.zeros((dr.width(self._texels), len(self.lobe_names), len(self._channels)))
+        total = np.zeros((dr.width(self._texels), len(self.lobe_names), 3))
         for seed in seeds.generate_state(launches):
-            # One launch at a time: each conversion waits, and float64 adds any number of them without loss
-            total += self._launch(matrix, self._texels, each, int(seed))
-        return _in_colour(total / launches)
+            # One launch at a time: each is waited for, and float64 adds any number of them without loss
+            total += self._launch(matrix, self._texels, each, int(seed)).means()
+        return np.asarray(total / launches, dtype=np.float32)
 
-    def blocks(
-        self, frame: NDArray[np.float64], texels: NDArray[np.integer], samples: int, seed: int
-    ) -> NDArray[np.float32]:
-        """Mean radiance over one block each, of texels in any order and as often as is liked, in one launch.
+    def launch(self, frame: NDArray[np.float64], texels: NDArray[np.integer], samples: int, seed: int) -> Launch:
+        """Begin to estimate texels in any order, and as often as is liked: one block of samples each.
 
         Parameters
         ----------
@@ -168,12 +181,12 @@ class SphereIntegrator:
 
         Returns
         -------
-        ndarray, shape (B, lobes, 3)
-            Unbiased estimates, as in `block`.
+        Launch
+            Not waited for.
         """
         matrix = mi.Matrix3f(frame.astype(np.float32))
         dr.make_opaque(matrix)
-        return _in_colour(self._launch(matrix, resident(mi.UInt32, self._covered[texels]), samples, seed))
+        return self._launch(matrix, resident(mi.UInt32, self._covered[texels]), samples, seed)
 
     def image(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Lay values of the covered texels out as an image, zero elsewhere."""
@@ -181,8 +194,8 @@ class SphereIntegrator:
         image[np.flatnonzero(self.coverage)] = values
         return image.reshape(self._resolution, self._resolution, 3)
 
-    def _launch(self, matrix: mi.Matrix3f, texels: mi.UInt32, samples: int, seed: int) -> NDArray[np.float64]:
-        """Mean over `samples` of each entry of `texels`, shape (entries, lobes, channels)."""
+    def _launch(self, matrix: mi.Matrix3f, texels: mi.UInt32, samples: int, seed: int) -> Launch:
+        """Mean over `samples` of each entry of `texels`."""
         lanes = dr.width(texels) * samples
         sampler = mi.load_dict({"type": "multijitter", "sample_count": samples})
         sampler.set_samples_per_wavefront(
@@ -195,8 +208,9 @@ class SphereIntegrator:
         v = mi.Vector3f(matrix[0, 2], matrix[1, 2], matrix[2, 2])
         lobes = [[lobe[c] for c in self._channels] for lobe in self._clamped(self._reflected(n, v, sampler))]
         dr.eval(lobes)  # once for all lobes and channels, not once a sum; what no one asks for is not computed
-        means = [[np.array(dr.block_sum(channel, samples) / samples) for channel in lobe] for lobe in lobes]
-        return np.array(means, dtype=np.float64).transpose(2, 0, 1)
+        means = [[dr.block_sum(channel, samples) / samples for channel in lobe] for lobe in lobes]
+        dr.eval(means)
+        return Launch(means)
 
     def _point_in_disk(self, texel: mi.UInt32, jitter: mi.Point2f, seed: mi.UInt32) -> mi.Point2f:
         """A point drawn uniformly from the part of the texel inside the disk.
@@ -291,15 +305,10 @@ class SphereIntegrator:
         return dr.select(~(drawn.pdf <= 0), radiance, 0), drawn.wo, is_delta
 
 
-def _in_colour(values: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Three channels, where one stands for all as well."""
-    return np.ascontiguousarray(np.broadcast_to(values, (*values.shape[:2], 3)), dtype=np.float32)
-
-
 def _intensity(
     si: mi.SurfaceInteraction3f, value: mi.Spectrum, wi: mi.Vector3f, light: mi.Spectrum
 ) -> mi.UnpolarizedSpectrum:
-    """Light times BSDF; with polarisation in frames that fit together, and the first Stokes parameter of the product."""
+    """Light times BSDF; with polarisation in frames that fit together, and the first Stokes parameter of that."""
     if not mi.is_polarized:
         return value * light
     return mi.unpolarized_spectrum(si.to_world_mueller(value, -wi, si.wi) * light)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, uniform_filter
 
-from rsibr.bake.blocks import Blocks, BlockSums
+from rsibr.bake.blocks import Blocks, estimate
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.noise import COVERED, relative_variance
 
@@ -73,12 +73,8 @@ class NoisePilot:
             0 outside the disk.
         """
         covered = self._small.coverage > 0
-        sums = BlockSums(int(covered.sum()), len(self._small.lobe_names))
         seeds = np.random.SeedSequence(self._seed, spawn_key=(index, _PILOT_BRANCH))
-        launches = list(self._blocks.launches(int(covered.sum())))
-        for texels, seed in zip(launches, seeds.generate_state(len(launches)), strict=True):
-            sums.add(texels, self._small.blocks(frame, texels, self._blocks.samples, int(seed)))
-        lobes, variance = sums.result()
+        lobes, variance = estimate(self._small, frame, self._blocks, seeds)
         found = np.zeros(covered.shape)
         mean = lobes.sum(axis=1, dtype=np.float64)
         found[covered] = relative_variance(mean, variance.astype(np.float64) * PILOT_BLOCKS)
