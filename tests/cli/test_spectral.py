@@ -14,7 +14,7 @@ GOLD = """
 [environment]
 file = "sky.exr"
 [material]
-bsdf = {type = "roughconductor", material = "Au", alpha = 0.3}
+bsdf = {type = "roughconductor", material = "Au", distribution = "ggx", alpha = 0.3}
 [map]
 resolution = 16
 [sampling]
@@ -43,9 +43,10 @@ def test_gold_calls_for_spectra_and_its_bake_agrees_with_the_path_tracer(shell, 
     baked = open_bake(tmp_path / "g.rsibr")
     assert baked.manifest.variant.endswith("_ad_spectral")
     assert baked.rendering == "spectral"
-    judged = shell("validate", baked.path, "--views", 2, "--samples", 256, "--out", tmp_path / "v", "--json")
+    stored = ",".join(f"{x:.7f}" for x in baked.directions[2])  # where a method shows the map itself
+    judged = shell("validate", baked.path, "--view", stored, "--samples", 256, "--out", tmp_path / "v", "--json")
     assert judged.code == 0, judged.stderr
-    assert judged.json["summary"]["rsibr"]["rel_mse"]["value"] < 0.01
+    assert judged.json["summary"]["cabral1999"]["rel_mse"]["value"] < 0.002
     made = shell("reconstruct", baked.path, "--view", "1,2,3", "--out", tmp_path / "x.exr")
     assert made.code == 0, made.stderr
 
