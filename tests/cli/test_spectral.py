@@ -46,7 +46,7 @@ def test_gold_calls_for_spectra_and_its_bake_agrees_with_the_path_tracer(shell, 
     stored = ",".join(f"{x:.7f}" for x in baked.directions[2])  # where a method shows the map itself
     judged = shell("validate", baked.path, "--view", stored, "--samples", 256, "--out", tmp_path / "v", "--json")
     assert judged.code == 0, judged.stderr
-    assert judged.json["summary"]["cabral1999"]["rel_mse"]["value"] < 0.002
+    assert judged.json["summary"]["nearest"]["rel_mse"]["value"] < 0.01
     made = shell("reconstruct", baked.path, "--view", "1,2,3", "--out", tmp_path / "x.exr")
     assert made.code == 0, made.stderr
 

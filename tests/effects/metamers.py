@@ -38,7 +38,7 @@ def metamers():
 def seen_of(emission, reflectance):
     """Linear Rec.709 of light off a surface, both given on `GRID` and linear between: summed at 0.1 nm.
 
-    The observer is given on `GRID` and linear between as well, as in Mitsuba: finer tables see 0.5 % more of a blue line.
+    The observer is given on `GRID` and linear between as well, as in Mitsuba: finer ones see 0.5 % more of a line.
     """
     fine = np.linspace(GRID[0], GRID[-1], 10 * int(GRID[-1] - GRID[0]) + 1)
     both = np.interp(fine, GRID, emission) * np.interp(fine, GRID, reflectance)
