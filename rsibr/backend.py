@@ -89,7 +89,8 @@ def inspect() -> BackendReport:
 def use(device: Device | None = None) -> str:
     """Set the Mitsuba variant for `device`, or for the best device that works.
 
-    Inside a `rendering` block it is that rendering's, otherwise RGB's. The environment variable `RSIBR_DEVICE` (`cuda` or `llvm`) stands in for an absent argument.
+    Inside a `rendering` block it is that rendering's, otherwise RGB's. The environment variable `RSIBR_DEVICE` (`cuda`
+    or `llvm`) stands in for an absent argument.
 
     Parameters
     ----------

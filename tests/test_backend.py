@@ -123,6 +123,35 @@ def test_a_plugin_that_comes_late_is_registered_at_the_next_use(monkeypatch):
     assert registered == ["late"]
 
 
+def test_a_block_renders_otherwise_and_gives_back_what_was_set(monkeypatch):
+    variants = pretend(monkeypatch, cuda=True, llvm=(19, 1, 7))
+    backend.use("llvm")
+    with backend.rendering("spectral") as variant:
+        assert variant == mi.variant() == "llvm_ad_spectral"  # on the device in use, though another would do
+        assert backend.use("llvm") == "llvm_ad_spectral"  # who asks for a backend inside gets that of the block
+        with backend.rendering("spectral_polarized"):
+            assert mi.variant() == "llvm_ad_spectral_polarized"
+        assert mi.variant() == "llvm_ad_spectral"
+    assert mi.variant() == "llvm_ad_rgb"
+    assert variants[-1] == "llvm_ad_rgb"
+
+
+def test_a_block_that_fails_gives_back_what_was_set_too(monkeypatch):
+    pretend(monkeypatch, llvm=(19, 1, 7))
+    with pytest.raises(ZeroDivisionError), backend.rendering("spectral"):
+        raise ZeroDivisionError
+    assert backend.current_rendering() == "rgb"
+    assert mi.variant() == "llvm_ad_rgb"
+
+
+def test_a_mitsuba_without_the_variant_is_said(monkeypatch):
+    pretend(monkeypatch, llvm=(19, 1, 7))
+    monkeypatch.setattr(mi, "variants", lambda: ["llvm_ad_rgb"])
+    with pytest.raises(MachineError, match="no variant llvm_ad_spectral"), backend.rendering("spectral"):
+        pass
+    assert mi.variant() == "llvm_ad_rgb"
+
+
 def test_importing_rsibr_sets_no_variant():
     done = in_a_fresh_process("import mitsuba as mi, rsibr.backend; print(mi.variant())")
     assert done.stdout.split() == ["None"]

@@ -308,7 +308,7 @@ class SphereIntegrator:
 def _intensity(
     si: mi.SurfaceInteraction3f, value: mi.Spectrum, wi: mi.Vector3f, light: mi.Spectrum
 ) -> mi.UnpolarizedSpectrum:
-    """Light times BSDF; with polarisation in frames that fit together, and the first Stokes parameter of that."""
+    """Light times BSDF; with polarisation in frames that fit together, and the first Stokes parameter of it."""
     if not mi.is_polarized:
         return value * light
     return mi.unpolarized_spectrum(si.to_world_mueller(value, -wi, si.wi) * light)

@@ -1,7 +1,7 @@
 """Albedos under the light's own spectrum: what a lobe's RGB must be for maps that are rendered in spectra.
 
-An albedo that RGB rendering gives holds under daylight. Maps in spectra show each lobe's spectrum times the light's; what
-is carried from view to view in RGB is their colour over that of the light itself, with one spectrum for the whole sky.
+An albedo that RGB rendering gives holds under daylight. Maps in spectra show each lobe's spectrum times the light's;
+what is carried from view to view in RGB is their colour over that of the light, with one spectrum for the whole sky.
 """
 
 from __future__ import annotations
@@ -133,7 +133,8 @@ class _InSpectra:
 
         state = mi.UInt32(0), [mi.Color3f(0) for _ in range(count)]
         sets = len(_COARSE) // 4
-        return dr.while_loop(state, lambda place, _total: place < sets, body, label="wavelengths")[1]
+        _, total = dr.while_loop(state, lambda place, _total: place < sets, body, label="wavelengths")
+        return list(total)
 
 
 def _adapted(lobe: Lobe, before: Array, after: Array) -> Lobe:

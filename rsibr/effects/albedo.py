@@ -85,7 +85,7 @@ def mirror_albedo(bsdf: mi.BSDF) -> NDArray[np.float64]:
 
 
 def delta_reflectance(bsdf: mi.BSDF, wavelengths: mi.Spectrum | None = None) -> mi.UnpolarizedSpectrum:
-    """Reflectance of the delta component at the nodes of the viewing angle, for the given wavelengths [nm] in spectra."""
+    """Reflectance of the delta component at the nodes of the viewing angle; in spectra at wavelengths [nm]."""
     cosines = mi.Float(node_cosines().astype(np.float32))
     context = mi.BSDFContext()
     context.type_mask = int(mi.BSDFFlags.DeltaReflection)

@@ -1,7 +1,7 @@
 """Decisions on colour: one channel, three, or the spectrum; and polarisation.
 
-What is rendered in spectra or with polarisation follows from the config alone, so that a bake, its reference and a study
-agree on it without probing anything.
+What is rendered in spectra or with polarisation follows from the config alone, so that a bake, its reference and a
+study agree on it without probing anything.
 """
 
 from __future__ import annotations

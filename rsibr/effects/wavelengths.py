@@ -40,8 +40,11 @@ class Wavelengths:
 
     @classmethod
     def at(cls, u: mi.Float) -> Wavelengths:
-        """Wavelengths at a place 0 … 1 of the distribution and the three a quarter of it apart; in spectra only."""
-        return cls(*mi.sample_rgb_spectrum(mi.sample_shifted(u)))
+        """Wavelengths at a place 0 … 1 of each quarter of the distribution; in spectra only.
+
+        A first wavelength drawn from all of it would come upon those of other samples, a quarter apart: strata wasted.
+        """
+        return cls(*mi.sample_rgb_spectrum(mi.sample_shifted(0.25 * u)))
 
     def seen(self, radiance: mi.UnpolarizedSpectrum) -> mi.Color3f:
         """What the observer sees of radiance that bears the weight already.

@@ -23,8 +23,8 @@ def mean_over_texel(
 ) -> mi.Color3f:
     """Mean of what is mirrored over the part of a texel inside the disk.
 
-    A texel is as wide as 2/cos θ times its own width in the plane of incidence; a Gaussian of that variance in its place
-    errs by 1 % in relMSE where the light has edges.
+    A texel is as wide as 2/cos θ times its own width in the plane of incidence; a Gaussian of that variance in its
+    place errs by 1 % in relMSE where the light has edges.
 
     Parameters
     ----------

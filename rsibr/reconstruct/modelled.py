@@ -37,8 +37,8 @@ class ModelledMethod(Method):
     uses_maps : bool
         Whether the residuals take part; without them the method is the model alone.
     keeps_negatives : bool
-        Whether what falls below zero is kept: by a part of a sum, for only so do the parts add up, and in spectral maps,
-        where a colour outside Rec.709 is no mistake.
+        Whether what falls below zero is kept: by a part of a sum, for only so do the parts add up, and in spectral
+        maps, where a colour outside Rec.709 is no mistake.
     """
 
     albedo: LobeAlbedo = field(kw_only=True)

@@ -1,7 +1,8 @@
 """What a paint's layers give, at the channels or the wavelengths of a sample.
 
-In RGB a table holds a channel each. In spectra the layers are solved at `NODES` wavelengths, and a table over directions
-holds the few functions of which the table of any wavelength is a sum: a coloured paint needs no more to a part in 10⁴.
+In RGB a table holds a channel each. In spectra the layers are solved at `NODES` wavelengths, and a table over
+directions holds the few functions of which the table of any wavelength is a sum: a coloured paint needs no more to a
+part in 10⁴.
 """
 
 from __future__ import annotations
@@ -82,13 +83,18 @@ class PaintSpectra:
     def at(self, si: mi.SurfaceInteraction3f) -> PaintColours:
         """Return the colours of a sample."""
         if not self._spectral:
-            return PaintColours(*self._constant, _as_they_are, _as_they_are)
+            diffuse, flakes, retro, depth = self._constant
+            return PaintColours(diffuse, flakes, retro, depth, _as_they_are, _as_they_are)
         place = (si.wavelengths - float(NODES[0])) / float(NODES[-1] - NODES[0])
         rows = [self._table.eval(along(position, len(NODES))) for position in place]
         by_value = [mi.UnpolarizedSpectrum([row[k] for row in rows]) for k in range(4 + sum(_RANKS.values()))]
+        diffuse, flakes, retro, depth = by_value[:4]
         entry, between = by_value[4 : 4 + _RANKS["entry"]], by_value[4 + _RANKS["entry"] :]
         return PaintColours(
-            *by_value[:4],
+            diffuse,
+            flakes,
+            retro,
+            depth,
             lambda held: 1 + _combined(entry, held),
             lambda held: dr.maximum(_combined(between, held), 0),
         )

@@ -1,4 +1,4 @@
-"""Pigments by name: measured spectral reflectances of painted patches, from colour-science; as they are, and as linear Rec.709."""
+"""Pigments by name: measured spectral reflectances of painted patches from colour-science, and their linear Rec.709."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def pigment_spectrum(name: str, wavelengths: NDArray[np.float64]) -> NDArray[np.
         If there is no such patch.
     """
     patch = _patch(name)
-    return np.clip(np.interp(wavelengths, patch.wavelengths, patch.values), 0.0, 1.0)
+    return np.asarray(np.clip(np.interp(wavelengths, patch.wavelengths, patch.values), 0.0, 1.0))
 
 
 def _patch(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Car paint in spectral rendering: at any wavelength it is the paint whose channels have the values of that wavelength."""
+"""Car paint in spectral rendering: at any wavelength it is the paint whose channels have that wavelength's values."""
 
 import drjit as dr
 import mitsuba as mi

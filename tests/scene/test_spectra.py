@@ -1,4 +1,4 @@
-"""Spectra in configs: all ways to give one are read, and black bodies are what Mitsuba's spectral mode makes of them."""
+"""Spectra in configs: all ways to give one are read, and black bodies are what Mitsuba makes of them."""
 
 import drjit as dr
 import mitsuba as mi
