@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.bake.allocation import Allocation, equal_work
-from rsibr.bake.blocks import MAX_BLOCKS, Blocks, block_sizes
+from rsibr.bake.blocks import FEW_BLOCKS, MAX_BLOCKS, Blocks, block_sizes
 from rsibr.bake.calibration import map_overhead, sample_seconds
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.manifest import SamplingRecord
@@ -116,26 +116,41 @@ class Sampler:
         )
 
     def _for_error(self, target: float) -> SamplingRecord:
-        first = self._allocated(TYPICAL_SIZE, MAX_BLOCKS, self._spread(TYPICAL_SIZE))
-        size = _size_for(_needed(first, target))
-        spread = self._spread(size)
-        again = self._allocated(size, MAX_BLOCKS, spread)
-        needed = _needed(again, target)
+        needed, again, least, spread = self._fewest(target)
         if needed > MAX_SAMPLES:
-            best = NOISE_MARGIN * (again.forecast_rel_mse or 0.0) * MAX_BLOCKS * size / MAX_SAMPLES
+            best = NOISE_MARGIN * (again.forecast_rel_mse or 0.0) * least * again.block / MAX_SAMPLES
             raise InputError(
                 f"noise of {target:g} (relMSE) would take {needed:.2g} samples a texel; "
                 f"the best that {MAX_SAMPLES} can promise is {best:.2g}",
                 where="sampling.target_error",
                 fix="allow for more error",
             )
-        even = max(MAX_BLOCKS, math.ceil(needed / size))
-        factor = even / MAX_BLOCKS
+        even = max(least, math.ceil(needed / again.block))
+        factor = even / least
         scale = None if again.scale is None else again.scale * factor
         noise = Allocation(even, scale).noise(spread)
         return again.model_copy(
             update={"even": even, "scale": scale, "forecast_rel_mse": noise, "promised_rel_mse": target}
         )
+
+    def _fewest(self, target: float) -> tuple[float, SamplingRecord, int, NDArray[np.float64]]:
+        """Few large blocks for all, whose strata are fine, or many small ones to share out: whichever takes less.
+
+        Returns
+        -------
+        needed : float
+            Samples a texel that keep the noise below the target.
+        record, least, spread
+            How they are taken, of so many blocks a texel; and the spread of the texels.
+        """
+        typical = self._allocated(TYPICAL_SIZE, MAX_BLOCKS, self._spread(TYPICAL_SIZE))
+        ways = []
+        for least in (MAX_BLOCKS, FEW_BLOCKS) if self.config.adaptive else (FEW_BLOCKS,):
+            size = _size_for(_needed(typical, target), least)
+            spread = self._spread(size)
+            record = self._allocated(size, least, spread)
+            ways.append((_needed(record, target), record, least, spread))
+        return min(ways, key=lambda way: way[0])
 
     def _for_seconds(self, allowed: float, begun: float) -> SamplingRecord:
         size = _size_for(self._affordable(TYPICAL_SIZE, allowed, begun))
@@ -181,13 +196,13 @@ def _needed(record: SamplingRecord, target: float) -> float:
     return NOISE_MARGIN * (record.forecast_rel_mse or 0.0) / target * record.even * record.block
 
 
-def _size_for(samples: float) -> int:
-    """Samples of a block so that at least `MAX_BLOCKS` of them are taken: of few sizes, for each has its own kernel.
+def _size_for(samples: float, blocks: int = MAX_BLOCKS) -> int:
+    """Samples of a block so that at least `blocks` of them are taken: of few sizes, for each has its own kernel.
 
     4, 9, 16, 36, 64, 144 …: squares, whose strata are even both ways.
     """
     side = 2
     for wider in sorted([2**k for k in range(2, 11)] + [3 * 2**k for k in range(10)]):
-        if wider**2 * MAX_BLOCKS <= samples:
+        if wider**2 * blocks <= samples:
             side = wider
     return side**2
