@@ -38,7 +38,7 @@ def test_gold_calls_for_spectra_and_its_bake_agrees_with_the_path_tracer(shell, 
     assert found["spectral"]["evidence"] > found["spectral"]["threshold"]
     assert found["spectral"]["cost_seconds"] is not None
     assert not found["polarisation"]["on"]
-    ended = shell("bake", gold, "--out", tmp_path / "g.rsibr", "--json")
+    ended = shell("bake", gold, "--set", "sampling.samples=1024", "--out", tmp_path / "g.rsibr", "--json")
     assert ended.code == 0, ended.stderr
     baked = open_bake(tmp_path / "g.rsibr")
     assert baked.manifest.variant.endswith("_ad_spectral")
