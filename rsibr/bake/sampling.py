@@ -38,6 +38,9 @@ TIME_MARGIN = 0.9
 TYPICAL_SIZE = 16
 """Samples of a block to begin with where their count is still to be found."""
 
+SIZES = (4, 9, 16, 36, 64, 144, 256, 576, 1024, 2304, 4096)
+"""Samples of a block that are chosen from where their count is free: squares, whose strata are even both ways."""
+
 MAX_SAMPLES = 2**24
 LEAST_SAMPLES = 4
 
@@ -117,14 +120,6 @@ class Sampler:
 
     def _for_error(self, target: float) -> SamplingRecord:
         needed, again, least, spread = self._fewest(target)
-        if needed > MAX_SAMPLES:
-            best = NOISE_MARGIN * (again.forecast_rel_mse or 0.0) * least * again.block / MAX_SAMPLES
-            raise InputError(
-                f"noise of {target:g} (relMSE) would take {needed:.2g} samples a texel; "
-                f"the best that {MAX_SAMPLES} can promise is {best:.2g}",
-                where="sampling.target_error",
-                fix="allow for more error",
-            )
         even = max(least, math.ceil(needed / again.block))
         factor = even / least
         scale = None if again.scale is None else again.scale * factor
@@ -144,6 +139,7 @@ class Sampler:
             How they are taken, of so many blocks a texel; and the spread of the texels.
         """
         typical = self._allocated(TYPICAL_SIZE, MAX_BLOCKS, self._spread(TYPICAL_SIZE))
+        _check_within_reach(_needed(typical, target), target)
         ways = []
         for least in (MAX_BLOCKS, FEW_BLOCKS) if self.config.adaptive else (FEW_BLOCKS,):
             size = _size_for(_needed(typical, target), least)
@@ -196,13 +192,16 @@ def _needed(record: SamplingRecord, target: float) -> float:
     return NOISE_MARGIN * (record.forecast_rel_mse or 0.0) / target * record.even * record.block
 
 
-def _size_for(samples: float, blocks: int = MAX_BLOCKS) -> int:
-    """Samples of a block so that at least `blocks` of them are taken: of few sizes, for each has its own kernel.
+def _check_within_reach(needed: float, target: float) -> None:
+    if needed > MAX_SAMPLES:
+        raise InputError(
+            f"noise of {target:g} (relMSE) would take {needed:.2g} samples a texel; "
+            f"the best that {MAX_SAMPLES} can promise is {target * needed / MAX_SAMPLES:.2g}",
+            where="sampling.target_error",
+            fix="allow for more error",
+        )
 
-    4, 9, 16, 36, 64, 144 …: squares, whose strata are even both ways.
-    """
-    side = 2
-    for wider in sorted([2**k for k in range(2, 11)] + [3 * 2**k for k in range(10)]):
-        if wider**2 * blocks <= samples:
-            side = wider
-    return side**2
+
+def _size_for(samples: float, blocks: int = MAX_BLOCKS) -> int:
+    """Samples of a block so that at least `blocks` of them are taken: of few sizes, for each has its own kernel."""
+    return max((size for size in SIZES if size * blocks <= samples), default=SIZES[0])
