@@ -14,11 +14,11 @@ from rsibr.bake.integrator import MAX_LANES, Launch, SphereIntegrator, stratifie
 MAX_BLOCKS = 16
 """Blocks a texel where each has as many. Not more, for samples are stratified only within a block."""
 
-LEAST_BLOCK = 16
-"""Samples of a block below which there are rather fewer blocks: of a smooth light fewer strata are far noisier."""
+LEAST_BLOCK = 4
+"""Samples of a block below which there are rather fewer blocks."""
 
 FEW_BLOCKS = 4
-"""Blocks below which there are rather fewer samples in each: of two, the spread says next to nothing."""
+"""Blocks a texel where their size is free: fine strata, and a spread of three degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ def block_sizes(samples: int) -> Blocks:
     samples : int
         Samples a texel, at least 2. Rounded up to a multiple of the count of blocks.
     """
-    count = max(2, min(FEW_BLOCKS, samples // FEW_BLOCKS), min(MAX_BLOCKS, samples // LEAST_BLOCK))
+    count = max(2, min(MAX_BLOCKS, samples // LEAST_BLOCK))
     return Blocks(-(-samples // count), count)
 
 

@@ -43,6 +43,7 @@ def _always_worth_it(monkeypatch):
     """Allocate samples in bakes that are too small for it to pay."""
     monkeypatch.setattr(module, "LEAST_WORK", 0)
     monkeypatch.setattr(module, "WORTH_IT", 1.0)
+    monkeypatch.setattr(module, "FEW_BLOCKS", module.MAX_BLOCKS)
 
 
 @pytest.fixture
