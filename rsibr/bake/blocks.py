@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr import backend
 from rsibr.bake.integrator import MAX_LANES, Launch, SphereIntegrator, stratified
 
 MAX_BLOCKS = 16
@@ -148,9 +149,10 @@ def estimate(
         for texels, seed in zip(blocks.launches(covered), seeds.generate_state(count), strict=True):
             yield texels, integrator.launch(frame, texels, blocks.samples, int(seed))
 
-    for done, (texels, means) in enumerate(_one_ahead(launches()), start=1):
-        sums.add(texels, means)
-        on_launch(done / count)
+    with backend.rendering(integrator.rendering):
+        for done, (texels, means) in enumerate(_one_ahead(launches()), start=1):
+            sums.add(texels, means)
+            on_launch(done / count)
     return sums.result()
 
 

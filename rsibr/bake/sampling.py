@@ -84,7 +84,7 @@ class Sampler:
             record = self._for_seconds(self.config.time_budget_s, begun)
         else:
             record = self._as_given(block_sizes(self.config.samples))
-        return record.model_copy(update={"seconds": time.perf_counter() - begun})
+        return record.model_copy(update={"seconds": max(0.0, time.perf_counter() - begun)})
 
     def blocks(self, record: SamplingRecord, index: int) -> Blocks:
         """Blocks of each texel of a view; the same whether or not the choice was made in this process."""

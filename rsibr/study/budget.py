@@ -161,7 +161,7 @@ def choose(config: Config) -> tuple[Config, BudgetRecord]:
         chosen=found,
         probes=tuple(probes),
         forecast_error=found.upper + found.noise * found.samples / samples,
-        choice_seconds=time.perf_counter() - begun,
+        choice_seconds=max(0.0, time.perf_counter() - begun),
     )
     return resolved, record
 

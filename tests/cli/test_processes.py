@@ -18,7 +18,7 @@ from tests.bake.synthetic import content
 from tests.cli.command import CONFIG, write_config
 
 RSIBR = [sys.executable, "-c", "from rsibr.cli.app import main; main()"]
-SLOW_CONFIG = CONFIG.replace("samples = 16", "samples = 1024").replace("resolution = 8", "resolution = 96")
+SLOW_CONFIG = CONFIG.replace("samples = 16", "samples = 2048").replace("resolution = 8", "resolution = 96")
 HEAVY = ("mitsuba", "drjit", "matplotlib", "scipy", "numpy", "OpenEXR", "rich", "rsibr.scene", "rsibr.bake")
 ROOT = Path(__file__).parents[2]
 

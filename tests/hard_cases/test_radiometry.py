@@ -13,7 +13,7 @@ from scipy.stats import t as student
 from rsibr.bake.baker import bake, bake_view
 from rsibr.bake.blocks import Blocks, block_sizes
 from rsibr.bake.health import map_health
-from rsibr.bake.integrator import SphereIntegrator
+from rsibr.bake.integrator import Launch, SphereIntegrator
 from rsibr.effects.probe import RETRO_RATIO, retro_ratio
 from rsibr.geometry.frame import view_frame
 from rsibr.reconstruct.blend import nearest_mix
@@ -307,12 +307,12 @@ def test_hc23_an_outlier_of_a_block_reaches_the_map_and_its_variance(monkeypatch
     made = integrator(MIRROR, resolution=8)
     covered = int((made.coverage > 0).sum())
 
-    def blocks(frame, texels, samples, seed):
-        means = np.ones((len(texels), 1, 3), dtype=np.float32)
+    def launch(frame, texels, samples, seed):
+        means = np.ones(len(texels), dtype=np.float32)
         means[20 * 16 + 7] = 1e15
-        return means
+        return Launch([[mi.Float(means)] * 3])
 
-    monkeypatch.setattr(made, "blocks", blocks)
+    monkeypatch.setattr(made, "launch", launch)
     baked = bake_view(made, np.eye(3), Blocks(4, 16), seed=0, index=0)
     expected = (1e15 + 15) / 16
     assert baked.layers["radiance"].max() == pytest.approx(expected, rel=1e-6)
