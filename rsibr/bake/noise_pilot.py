@@ -78,7 +78,7 @@ class NoisePilot:
         found = np.zeros(covered.shape)
         mean = lobes.sum(axis=1, dtype=np.float64)
         found[covered] = relative_variance(mean, variance.astype(np.float64) * PILOT_BLOCKS)
-        pooled = uniform_filter(np.nan_to_num(found, posinf=0.0), _POOLED, mode="constant")
+        pooled = np.maximum(uniform_filter(np.nan_to_num(found, posinf=0.0), _POOLED, mode="constant"), 0.0)
         return np.asarray(np.where(covered, pooled / np.maximum(self._weight, 1e-9), 0.0))
 
     def spread(self, looked: Image) -> NDArray[np.float64]:

@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 
 from rsibr.geometry.frame import frame_of
 from rsibr.geometry.sphere_map import covered_middle, normal_from_disk, texel_centre, texel_centres, tiled_texels
+from rsibr.reconstruct.blend import Mixture
 from rsibr.reconstruct.lobe_albedo import LobeAlbedo
 from rsibr.reconstruct.lobe_model import LobeModel
 from rsibr.reconstruct.method import Method, as_rgba, frame_from, laid_out, touches_disk
 from rsibr.reconstruct.polar_grid import PolarGrid
 from rsibr.reconstruct.prefiltered import PrefilteredLobes
-from rsibr.reconstruct.residual import carried
+from rsibr.reconstruct.residual import carried, within_reach
+from rsibr.reconstruct.warp import Warp
 
 
 @dataclass(eq=False)
@@ -37,8 +39,8 @@ class ModelledMethod(Method):
     uses_maps : bool
         Whether the residuals take part; without them the method is the model alone.
     keeps_negatives : bool
-        Whether what falls below zero is kept: by a part of a sum, for only so do the parts add up, and in spectral
-        maps, where a colour outside Rec.709 is no mistake.
+        Whether what falls below zero is kept, and residuals uncut: by a part of a sum, for only so do the parts add up,
+        and in spectral maps, where a colour outside Rec.709 is no mistake.
     """
 
     albedo: LobeAlbedo = field(kw_only=True)
@@ -57,7 +59,7 @@ class ModelledMethod(Method):
         def shaded(n: mi.Vector3f, seen: mi.Vector3f) -> mi.Vector4f:
             radiance = self._modelled(seen, frame, gathered, resolution)
             if toward is not None:
-                radiance += self.albedo.at(seen.z) * carried(self.sources, *toward, n)
+                radiance += self._carried(toward, n, self.albedo.at(seen.z), radiance)
             return as_rgba(self._finished(radiance))
 
         inside = touches_disk(p, resolution)
@@ -91,6 +93,12 @@ class ModelledMethod(Method):
         model, share = (np.array(colour).T.reshape(radiance.shape) for colour in (modelled, albedo))
         return np.asarray((radiance - model) / share, dtype=np.float32)
 
+    def _carried(
+        self, toward: tuple[Mixture, list[Warp]], n: mi.Vector3f, albedo: mi.Color3f, modelled: mi.Color3f
+    ) -> mi.Color3f:
+        residual = albedo * carried(self.sources, *toward, n)
+        return residual if self.keeps_negatives else within_reach(residual, modelled, toward[0])
+
     def _finished(self, radiance: mi.Color3f) -> mi.Color3f:
         return radiance if self.keeps_negatives else dr.maximum(radiance, 0)
 
@@ -123,7 +131,7 @@ class FineMethod(ModelledMethod):
         for model, albedo in self.lobes:
             radiance += albedo.at(local.z) * model.radiance(n, v)
         if self.uses_maps:
-            radiance += self.albedo.at(local.z) * carried(self.sources, *self._toward(frame), local)
+            radiance += self._carried(self._toward(frame), local, self.albedo.at(local.z), radiance)
         return self._finished(radiance)
 
     def _gathered(self, frame: mi.Matrix3f, resolution: int) -> list[PolarGrid | None]:  # noqa: ARG002

@@ -9,7 +9,11 @@ from rsibr.reconstruct.blend import Mixture
 from rsibr.reconstruct.sources import SourceMaps
 from rsibr.reconstruct.warp import Warp
 
+BRIGHTEST = 1.0
+"""Residual over model beyond which it is cut, halfway between stored views; the nearer one of them is, the less is."""
+
 _LEAST_COSINE = 1e-6
+_AT_A_STORED_VIEW = 1e-4  # its weight from 1
 
 
 def carried(sources: SourceMaps, mixture: Mixture, warps: list[Warp], n: mi.Vector3f) -> mi.Color3f:
@@ -46,3 +50,28 @@ def carried(sources: SourceMaps, mixture: Mixture, warps: list[Warp], n: mi.Vect
         residual += trusted * overlap * overlap * sources.fetch(stored.index, p)
         total += trusted
     return residual * (1 / total)
+
+
+def within_reach(residual: mi.Color3f, modelled: mi.Color3f, mixture: Mixture) -> mi.Color3f:
+    """Keep a residual from outshining the model where that is dark.
+
+    What a stored map shows beside its rim is spread over much of the sky; carried to a texel that sees only a dark part
+    of it, what the model misses of a lamp would light it a hundredfold. At a stored view everything is kept.
+
+    Parameters
+    ----------
+    residual, modelled : mi.Color3f
+        What is added, and what it is added to [W sr⁻¹ m⁻²].
+    mixture : Mixture
+        Stored views and their weights.
+
+    Returns
+    -------
+    mi.Color3f
+        The residual, no brighter than `BRIGHTEST`/(1 − w) times the model, with the greatest weight w.
+    """
+    nearest = mixture.weights[0]
+    for weight in mixture.weights[1:]:
+        nearest = dr.maximum(nearest, weight)
+    reach = modelled * (BRIGHTEST / dr.maximum(1 - nearest, _AT_A_STORED_VIEW))
+    return dr.select(1 - nearest > _AT_A_STORED_VIEW, dr.minimum(residual, reach), residual)

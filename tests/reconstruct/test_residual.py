@@ -18,7 +18,7 @@ from rsibr.reconstruct.lobe_model import LobeModel
 from rsibr.reconstruct.method import Cost
 from rsibr.reconstruct.modelled import FineMethod, PrefilteredMethod
 from rsibr.reconstruct.prefiltered import PrefilteredLobes
-from rsibr.reconstruct.residual import carried
+from rsibr.reconstruct.residual import carried, within_reach
 from rsibr.reconstruct.sources import SourceMaps
 from rsibr.reconstruct.warp import MirrorWarp
 from tests.arrays import to_numpy, unit_vectors, vector
@@ -148,3 +148,13 @@ def test_a_residual_counts_as_far_as_footprints_overlap(there, here):
 def test_at_the_rim_it_is_finite_and_small():
     assert 0 <= carry([2.0], [1.0], [1.0], 0.0) < 1e-9
     assert carry([2.0], [1.0], [0.0], 0.0) == pytest.approx(2.0, rel=1e-3)
+
+
+def test_residuals_outshine_a_dark_model_the_less_the_farther_the_stored_views_are():
+    """Of 1 over a model of 0.1: 0.15 is left at a centroid, 0.2 at a weight of a half, and all at a stored view."""
+    residual, dark = mi.Color3f(1, 0.05, -2), mi.Color3f(0.1)
+    expected = {1 / 3: [0.15, 0.05, -2], 0.5: [0.2, 0.05, -2], 1.0: [1, 0.05, -2]}
+    for weight, wanted in expected.items():
+        weights = [mi.Float(weight), mi.Float((1 - weight) / 2), mi.Float((1 - weight) / 2)]
+        got = to_numpy(within_reach(residual, dark, Mixture(views=[], weights=weights)))
+        assert got.ravel() == pytest.approx(wanted, rel=1e-5), weight
