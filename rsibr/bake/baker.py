@@ -28,11 +28,11 @@ from rsibr.bake.manifest import (
 from rsibr.bake.map_file import MapFile
 from rsibr.bake.planning import (
     baked_costs,
+    planned_integrator,
     planned_lobes,
     planned_scene,
     planned_settings,
     planned_viewpoints,
-    scope_of,
 )
 from rsibr.bake.sampling import Sampler
 from rsibr.bake.store import Bake, BakeWriter, open_bake
@@ -128,10 +128,8 @@ def bake(
     viewpoints = planned_viewpoints(all_around, settings, plan)
     split = None if settings.effects.lobes == "off" else probed
     lobes = adapted_lobes(split, environment, material, plan.rendering) if split else ()
+    integrator = planned_integrator(settings, environment, material, split, plan, plan.resolution)
     with backend.rendering(plan.rendering) as variant:
-        integrator = SphereIntegrator(
-            environment.emitter(), material.bsdf(), plan.resolution, split, settings.sampling.clamp, scope_of(plan)
-        )
         sampler = Sampler(integrator, [view_frame(view) for view in viewpoints.directions], settings.sampling)
 
         def manifest(found: Manifest | None) -> Manifest:

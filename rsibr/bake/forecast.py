@@ -9,9 +9,8 @@ from pathlib import Path
 from rsibr import backend
 from rsibr.bake.blocks import block_sizes
 from rsibr.bake.calibration import calibrate
-from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.manifest import SamplingRecord
-from rsibr.bake.planning import planned_scene, planned_settings, planned_viewpoints, scope_of
+from rsibr.bake.planning import planned_integrator, planned_scene, planned_settings, planned_viewpoints
 from rsibr.bake.sampling import Sampler
 from rsibr.effects.plan import Plan
 from rsibr.effects.plan_costs import priced
@@ -59,15 +58,8 @@ def forecast(settings: Config) -> tuple[Plan, SamplingRecord | None]:
     lowered = planned_settings(settings, made)
     sampling = None
     if settings.sampling.decided_later:
+        integrator = planned_integrator(settings, environment, material, kept_apart, made, made.resolution)
         with backend.rendering(made.rendering):
-            integrator = SphereIntegrator(
-                environment.emitter(),
-                material.bsdf(),
-                made.resolution,
-                kept_apart,
-                settings.sampling.clamp,
-                scope_of(made),
-            )
             baked = planned_viewpoints(viewpoints, settings, made).directions
             sampling = Sampler(integrator, [view_frame(view) for view in baked], settings.sampling).choose(begun)
         counted = settings.sampling.model_copy(update={"samples": sampling.samples})

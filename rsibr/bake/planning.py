@@ -9,7 +9,8 @@ from statistics import median
 import mitsuba as mi
 import numpy as np
 
-from rsibr.bake.integrator import Scope
+from rsibr import backend
+from rsibr.bake.integrator import Scope, SphereIntegrator
 from rsibr.bake.manifest import Manifest
 from rsibr.bake.pilot import sampling_ratio
 from rsibr.effects.lobes import Lobe, LobeSplit
@@ -20,6 +21,7 @@ from rsibr.effects.planner import make_plan, probe_scene
 from rsibr.geometry.viewpoints import Viewpoints, witness
 from rsibr.scene.config import Config, MapConfig
 from rsibr.scene.environment import Environment
+from rsibr.scene.material import Material
 
 BAKED = "measured: median seconds and bytes of the maps of this bake; `rsibr plan` measures what is absent here"
 
@@ -52,6 +54,16 @@ def planned_viewpoints(viewpoints: Viewpoints, settings: Config, plan: Plan) -> 
 def scope_of(plan: Plan) -> Scope:
     """What the integrator takes in."""
     return Scope(plan.grey, plan.light_samples, plan.left_out)
+
+
+def planned_integrator(
+    settings: Config, environment: Environment, material: Material, split: LobeSplit | None, plan: Plan, resolution: int
+) -> SphereIntegrator:
+    """Build what renders the planned maps, in the plan's variant; without a `split` lobes are not kept apart."""
+    with backend.rendering(plan.rendering):
+        return SphereIntegrator(
+            environment.emitter(), material.bsdf(), resolution, split, settings.sampling.clamp, scope_of(plan)
+        )
 
 
 def planned_lobes(lobes: Sequence[Lobe], plan: Plan) -> list[Lobe]:

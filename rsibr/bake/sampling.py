@@ -141,12 +141,13 @@ class Sampler:
         typical = self._allocated(TYPICAL_SIZE, MAX_BLOCKS, self._spread(TYPICAL_SIZE))
         _check_within_reach(_needed(typical, target), target)
         ways = []
-        for least in (MAX_BLOCKS, FEW_BLOCKS) if self.config.adaptive else (FEW_BLOCKS,):
+        # The many come last: only they need their pilots again, which are kept till then
+        for least in (FEW_BLOCKS, MAX_BLOCKS) if self.config.adaptive else (FEW_BLOCKS,):
             size = _size_for(_needed(typical, target), least)
             spread = self._spread(size)
             record = self._allocated(size, least, spread)
             ways.append((_needed(record, target), record, least, spread))
-        return min(ways, key=lambda way: way[0])
+        return min(reversed(ways), key=lambda way: way[0])
 
     def _for_seconds(self, allowed: float, begun: float) -> SamplingRecord:
         size = _size_for(self._affordable(TYPICAL_SIZE, allowed, begun))

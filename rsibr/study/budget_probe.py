@@ -24,7 +24,7 @@ from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.manifest import ProbeRecord, SamplingRecord
 from rsibr.bake.map_file import MapFile
 from rsibr.bake.noise import COVERED, denominator
-from rsibr.bake.planning import planned_scene, planned_viewpoints, scope_of
+from rsibr.bake.planning import planned_integrator, planned_scene, planned_viewpoints
 from rsibr.bake.store import Bake
 from rsibr.effects.adaptation import adapted_lobes
 from rsibr.geometry.frame import unit_view, view_frame
@@ -104,8 +104,7 @@ class ProbedScene:
         self.plan, probed = planned_scene(config, self._environment, self._material.bsdf(), _SAMPLES)
         split = None if config.effects.lobes == "off" else probed
         with backend.rendering(self.plan.rendering) as self._variant:
-            scene = self._environment.emitter(), self._material.bsdf()
-            self.integrator = SphereIntegrator(*scene, _SHARP, split, config.sampling.clamp, scope_of(self.plan))
+            self.integrator = planned_integrator(config, self._environment, self._material, split, self.plan, _SHARP)
         self._lobes = adapted_lobes(split, self._environment, self._material, self.plan.rendering) if split else ()
         self._light = light_of(self._environment, self._lobes, self.plan)
         self._drawn = 0

@@ -82,3 +82,9 @@ def test_polarisation_is_rendered_on_request_and_brings_spectra(shell, gold, tmp
 def test_a_spectral_bake_of_another_rendering_is_not_gone_on_with(shell, gold, tmp_path):
     assert shell("bake", gold, "--out", tmp_path / "g.rsibr").code == 0
     shell.refuses("bake", gold, "--out", tmp_path / "g.rsibr", "--set", "effects.polarisation=on", says="polarisation")
+
+
+def test_a_budget_of_seconds_times_samples_in_spectra(shell, gold):
+    """The rate of the samples is measured in the variant that the bake will have."""
+    document = shell("plan", gold, "--json", "--set", "budget.seconds=20").json
+    assert effects_of(document)["spectral"]["on"]
