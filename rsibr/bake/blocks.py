@@ -10,16 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
-from rsibr.bake.integrator import MAX_LANES, Launch, SphereIntegrator, stratified
+from rsibr.bake.integrator import MAX_LANES, Launch, SphereIntegrator
+from rsibr.bake.lattice import MAX_POINTS
 
 MAX_BLOCKS = 16
-"""Blocks a texel where each has as many. Not more, for samples are stratified only within a block."""
+"""Blocks a texel where each has as many. Not more, for samples are spread evenly only within a block."""
 
 LEAST_BLOCK = 4
 """Samples of a block below which there are rather fewer blocks."""
 
 FEW_BLOCKS = 4
-"""Blocks a texel where their size is free: fine strata, and a spread of three degrees of freedom."""
+"""Blocks a texel where their size is free: fine lattices, and a spread of three degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +30,7 @@ class Blocks:
     Attributes
     ----------
     size : int
-        Samples of a block, stratified among each other.
+        Samples of a block, spread evenly among each other; at most `MAX_POINTS`.
     counts : int or ndarray of int, shape (covered texels,)
         Blocks of every texel, or of each; at least 2.
     """
@@ -37,22 +38,17 @@ class Blocks:
     size: int
     counts: int | NDArray[np.int64]
 
-    @property
-    def samples(self) -> int:
-        """Samples of a block as they are launched: strata have whole rows and columns."""
-        return stratified(self.size)
-
     def launches(self, texels: int) -> Iterator[NDArray[np.int64]]:
         """Which texel each block is for, ascending, a launch at a time."""
         every = np.repeat(np.arange(texels), np.broadcast_to(self.counts, texels))
-        step = max(1, MAX_LANES // self.samples)
+        step = max(1, MAX_LANES // self.size)
         for first in range(0, len(every), step):
             yield every[first : first + step]
 
     def launch_count(self, texels: int) -> int:
         """Count of the launches."""
         total = int(np.broadcast_to(self.counts, texels).sum())
-        return math.ceil(total / max(1, MAX_LANES // self.samples))
+        return math.ceil(total / max(1, MAX_LANES // self.size))
 
 
 def block_sizes(samples: int) -> Blocks:
@@ -63,7 +59,7 @@ def block_sizes(samples: int) -> Blocks:
     samples : int
         Samples a texel, at least 2. Rounded up to a multiple of the count of blocks.
     """
-    count = max(2, min(MAX_BLOCKS, samples // LEAST_BLOCK))
+    count = max(2, min(MAX_BLOCKS, samples // LEAST_BLOCK), -(-samples // MAX_POINTS))
     return Blocks(-(-samples // count), count)
 
 
@@ -147,7 +143,7 @@ def estimate(
 
     def launches() -> Iterator[tuple[NDArray[np.int64], Launch]]:
         for texels, seed in zip(blocks.launches(covered), seeds.generate_state(count), strict=True):
-            yield texels, integrator.launch(frame, texels, blocks.samples, int(seed))
+            yield texels, integrator.launch(frame, texels, blocks.size, int(seed))
 
     with backend.rendering(integrator.rendering):
         for done, (texels, means) in enumerate(_one_ahead(launches()), start=1):

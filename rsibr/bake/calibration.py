@@ -12,7 +12,7 @@ from rsibr import backend
 from rsibr.backend import Rendering
 from rsibr.bake.blocks import Blocks, block_sizes
 from rsibr.bake.health import map_health
-from rsibr.bake.integrator import Scope, SphereIntegrator, stratified
+from rsibr.bake.integrator import Scope, SphereIntegrator
 from rsibr.bake.map_file import MapFile, encode_map
 from rsibr.bake.planning import scope_of
 from rsibr.effects.lobes import LobeSplit
@@ -106,7 +106,7 @@ def _map_seconds(kernels: dict[str, SphereIntegrator], config: Config) -> dict[s
                 seconds = time.perf_counter() - start
             if run >= 0:
                 shortest[name] = min(shortest[name], seconds)
-    scale = blocks.samples * count / stratified(samples)
+    scale = blocks.size * count / samples
     return {name: seconds * scale for name, seconds in shortest.items()}
 
 
@@ -119,10 +119,10 @@ def sample_seconds(integrator: SphereIntegrator, size: int) -> float:
     with backend.rendering(integrator.rendering):
         for run in range(-1, RUNS):
             start = time.perf_counter()
-            integrator.launch(frame, texels, blocks.samples, run + 1).means()
+            integrator.launch(frame, texels, blocks.size, run + 1).means()
             if run >= 0:
                 shortest = min(shortest, time.perf_counter() - start)
-    return shortest / (len(texels) * blocks.samples)
+    return shortest / (len(texels) * blocks.size)
 
 
 def map_overhead(integrator: SphereIntegrator) -> float:

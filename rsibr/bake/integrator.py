@@ -2,8 +2,9 @@
 
 The sphere is convex and its light infinitely far away: no ray is traced and nothing shadows. A sample is a point of a
 texel, its normal, in spectral rendering four wavelengths, and one direction each from the light and from the BSDF,
-combined by the balance heuristic. With polarisation light and BSDF are Mueller matrices; what is kept of their product
-is the intensity of the light, the first of its Stokes parameters. A map holds what an observer sees: linear RGB.
+combined by the balance heuristic; `rsibr.bake.lattice` spreads the samples of a block. With polarisation light and BSDF
+are Mueller matrices; what is kept of their product is the intensity of the light, the first of its Stokes parameters. A
+map holds what an observer sees: linear RGB.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
+from rsibr.bake.lattice import MAX_POINTS, ShiftedLattice
 from rsibr.effects.lobes import LobeSplit
 from rsibr.effects.wavelengths import Wavelengths
 from rsibr.geometry.resident import resident
@@ -142,7 +144,7 @@ class SphereIntegrator:
         frame : ndarray, shape (3, 3)
             Columns x, y, z of the map's frame; z points to the viewer.
         samples : int
-            Samples a texel at least, stratified among each other within a launch; see `stratified`.
+            Samples a texel at least, spread evenly among each other within a launch.
         seeds : SeedSequence
             Fixes every random number of the block: equal seeds give equal bits.
 
@@ -157,8 +159,8 @@ class SphereIntegrator:
     def _block(self, frame: NDArray[np.float64], samples: int, seeds: np.random.SeedSequence) -> NDArray[np.float32]:
         matrix = mi.Matrix3f(frame.astype(np.float32))
         dr.make_opaque(matrix)
-        launches = math.ceil(samples * dr.width(self._texels) / MAX_LANES)
-        each = stratified(math.ceil(samples / launches))
+        launches = max(math.ceil(samples * dr.width(self._texels) / MAX_LANES), math.ceil(samples / MAX_POINTS))
+        each = math.ceil(samples / launches)
         total = np.zeros((dr.width(self._texels), len(self.lobe_names), 3))
         for seed in seeds.generate_state(launches):
             # One launch at a time: each is waited for, and float64 adds any number of them without loss
@@ -175,7 +177,7 @@ class SphereIntegrator:
         texels : ndarray of int, shape (B,)
             Which of the covered texels each block is for. Blocks are independent, of the same texel too.
         samples : int
-            Samples of a block, stratified among each other; a count from `stratified`.
+            Samples of a block, spread evenly among each other; at most `MAX_POINTS`.
         seed : int
             Fixes every random number, 32 bits.
 
@@ -197,16 +199,14 @@ class SphereIntegrator:
     def _launch(self, matrix: mi.Matrix3f, texels: mi.UInt32, samples: int, seed: int) -> Launch:
         """Mean over `samples` of each entry of `texels`."""
         lanes = dr.width(texels) * samples
-        sampler = mi.load_dict({"type": "multijitter", "sample_count": samples})
-        sampler.set_samples_per_wavefront(
-            samples
-        )  # without it every lane is a texel of its own, and nothing stratified
-        seed_lane = dr.opaque(mi.UInt32, seed)
-        sampler.seed(seed_lane, lanes)
-        texel = dr.gather(mi.UInt32, texels, dr.arange(mi.UInt32, lanes) // samples)
-        n = matrix @ normal_from_disk(self._point_in_disk(texel, sampler.next_2d(), seed_lane))
+        seed_lane, lane = dr.opaque(mi.UInt32, seed), dr.arange(mi.UInt32, lanes)
+        block = lane // samples
+        dr.eval(block)  # here a division by a literal is quick, and below no kernel knows the count of samples
+        points = ShiftedLattice(samples, block, lane - block * dr.opaque(mi.UInt32, samples), seed_lane)
+        texel = dr.gather(mi.UInt32, texels, block)
+        n = matrix @ normal_from_disk(self._point_in_disk(texel, points.in_texel(), seed_lane))
         v = mi.Vector3f(matrix[0, 2], matrix[1, 2], matrix[2, 2])
-        lobes = [[lobe[c] for c in self._channels] for lobe in self._clamped(self._reflected(n, v, sampler))]
+        lobes = [[lobe[c] for c in self._channels] for lobe in self._clamped(self._reflected(n, v, points))]
         dr.eval(lobes)  # once for all lobes and channels, not once a sum; what no one asks for is not computed
         means = [[dr.block_sum(channel, samples) / samples for channel in lobe] for lobe in lobes]
         dr.eval(means)
@@ -215,7 +215,7 @@ class SphereIntegrator:
     def _point_in_disk(self, texel: mi.UInt32, jitter: mi.Point2f, seed: mi.UInt32) -> mi.Point2f:
         """A point drawn uniformly from the part of the texel inside the disk.
 
-        The stratified point is kept where it lies inside. At the rim others are drawn until one does: every sample
+        The lattice's point is kept where it lies inside. At the rim others are drawn until one does: every sample
         counts, and its weight is one, so that coverage is divided out without any noise.
         """
         step = 2 / mi.Float(self._side)
@@ -239,17 +239,17 @@ class SphereIntegrator:
         )
         return p
 
-    def _reflected(self, n: mi.Vector3f, v: mi.Vector3f, sampler: mi.Sampler) -> list[mi.Color3f]:
+    def _reflected(self, n: mi.Vector3f, v: mi.Vector3f, points: ShiftedLattice) -> list[mi.Color3f]:
         """One sample of L_r = ∫ f L_i cos θ dω, from the light and from the BSDF, each weighted for the other."""
-        wavelengths = Wavelengths.drawn(sampler)
+        wavelengths = Wavelengths.drawn(points.of_wavelengths)
         si = _interaction(n, v, wavelengths)
         lobes = [mi.Color3f(0) for _ in self.lobe_names]
         if self._samples_light:
-            radiance, wi = self._from_light(si, sampler)
+            radiance, wi = self._from_light(si, points)
             sample = self._lobes(radiance * wavelengths.weight, wi, si.wi, False, wavelengths)
             lobes = [a + b for a, b in zip(lobes, sample, strict=True)]
         if self._samples_bsdf:
-            radiance, wi, is_delta = self._from_bsdf(si, sampler)
+            radiance, wi, is_delta = self._from_bsdf(si, points)
             sample = self._lobes(radiance * wavelengths.weight, wi, si.wi, is_delta, wavelengths)
             lobes = [a + b for a, b in zip(lobes, sample, strict=True)]
         return lobes
@@ -278,9 +278,9 @@ class SphereIntegrator:
         return [lobe * scale for lobe in lobes]
 
     def _from_light(
-        self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler
+        self, si: mi.SurfaceInteraction3f, points: ShiftedLattice
     ) -> tuple[mi.UnpolarizedSpectrum, mi.Vector3f]:
-        light, weight = self._light.sample_emitter_direction(si, sampler.next_2d(), test_visibility=False)
+        light, weight = self._light.sample_emitter_direction(si, points.toward_light(), test_visibility=False)
         wi = si.to_local(light.d)
         value, pdf = self._bsdf.eval_pdf(mi.BSDFContext(), si, wi)
         share = light.pdf / (light.pdf + pdf) if self._samples_bsdf else mi.Float(1)
@@ -289,9 +289,9 @@ class SphereIntegrator:
         return dr.select(~(light.pdf <= 0), radiance, 0), wi
 
     def _from_bsdf(
-        self, si: mi.SurfaceInteraction3f, sampler: mi.Sampler
+        self, si: mi.SurfaceInteraction3f, points: ShiftedLattice
     ) -> tuple[mi.UnpolarizedSpectrum, mi.Vector3f, mi.Bool]:
-        drawn, weight = self._bsdf.sample(mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d())
+        drawn, weight = self._bsdf.sample(mi.BSDFContext(), si, *points.of_lobe())
         environment = self._light.environment()
         direction = dr.zeros(mi.DirectionSample3f, dr.width(si))
         direction.d = si.to_world(drawn.wo)
@@ -323,9 +323,3 @@ def _interaction(n: mi.Vector3f, v: mi.Vector3f, wavelengths: Wavelengths) -> mi
     si.wi = si.to_local(v)
     si.wavelengths = wavelengths.nm
     return si
-
-
-def stratified(samples: int) -> int:
-    """Least count of at least `samples` that is a product of two nearly equal factors: the strata of `multijitter`."""
-    columns = math.isqrt(samples)
-    return columns * -(-samples // columns)

@@ -35,11 +35,14 @@ PROMISING_SIDE = 32
 TIME_MARGIN = 0.9
 """Forecast seconds to those allowed."""
 
+AFTER_PILOTS = 0.75
+"""Share of the seconds that is left for samples, at least, once pilots and a sample's time have been measured."""
+
 TYPICAL_SIZE = 16
 """Samples of a block to begin with where their count is still to be found."""
 
-SIZES = (4, 9, 16, 36, 64, 144, 256, 576, 1024, 2304, 4096)
-"""Samples of a block that are chosen from where their count is free: squares, whose strata are even both ways."""
+SIZES = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048, 3072, 4096)
+"""Samples of a block that are chosen from where their count is free: lattices of these are among the best."""
 
 MAX_SAMPLES = 2**24
 LEAST_SAMPLES = 4
@@ -100,7 +103,7 @@ class Sampler:
 
     def _as_given(self, blocks: Blocks) -> SamplingRecord:
         even = int(blocks.counts)
-        worth_a_pilot = even >= MAX_BLOCKS and self._texels * blocks.samples * even >= LEAST_WORK
+        worth_a_pilot = even >= MAX_BLOCKS and self._texels * blocks.size * even >= LEAST_WORK
         if not (self.config.adaptive and worth_a_pilot):
             return SamplingRecord(block=blocks.size, even=even)
         return self._allocated(blocks.size, even, self._spread(blocks.size))
@@ -142,7 +145,7 @@ class Sampler:
         _check_within_reach(_needed(typical, target), target)
         ways = []
         # The many come last: only they need their pilots again, which are kept till then
-        for least in (FEW_BLOCKS, MAX_BLOCKS) if self.config.adaptive else (FEW_BLOCKS,):
+        for least in (FEW_BLOCKS,) if typical.scale is None else (FEW_BLOCKS, MAX_BLOCKS):
             size = _size_for(_needed(typical, target), least)
             spread = self._spread(size)
             record = self._allocated(size, least, spread)
@@ -150,7 +153,7 @@ class Sampler:
         return min(reversed(ways), key=lambda way: way[0])
 
     def _for_seconds(self, allowed: float, begun: float) -> SamplingRecord:
-        size = _size_for(self._affordable(TYPICAL_SIZE, allowed, begun))
+        size = _size_for(AFTER_PILOTS * self._affordable(TYPICAL_SIZE, allowed, begun))
         spread = self._spread(size)
         affordable = self._affordable(size, allowed, begun)
         if affordable < LEAST_SAMPLES:
@@ -204,5 +207,5 @@ def _check_within_reach(needed: float, target: float) -> None:
 
 
 def _size_for(samples: float, blocks: int = MAX_BLOCKS) -> int:
-    """Samples of a block so that at least `blocks` of them are taken: of few sizes, for each has its own kernel."""
+    """Samples of a block so that at least `blocks` of them are taken, one of `SIZES`."""
     return max((size for size in SIZES if size * blocks <= samples), default=SIZES[0])

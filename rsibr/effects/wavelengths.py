@@ -5,6 +5,7 @@ In RGB there are none, and everything here hands its values through: kernels are
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import drjit as dr
@@ -32,11 +33,11 @@ class Wavelengths:
     weight: mi.UnpolarizedSpectrum
 
     @classmethod
-    def drawn(cls, sampler: mi.Sampler) -> Wavelengths:
-        """Draw the first wavelength from the sampler's strata; in RGB nothing is drawn."""
+    def drawn(cls, uniform: Callable[[], mi.Float]) -> Wavelengths:
+        """Draw the first wavelength by a uniform number; in RGB none is asked for."""
         if not mi.is_spectral:
             return cls(dr.zeros(mi.SurfaceInteraction3f).wavelengths, mi.UnpolarizedSpectrum(1))
-        return cls.at(sampler.next_1d())
+        return cls.at(uniform())
 
     @classmethod
     def at(cls, u: mi.Float) -> Wavelengths:

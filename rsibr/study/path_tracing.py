@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
-from rsibr.bake.integrator import stratified
 from rsibr.study.results import ErrorRecord, PathTracingRecord, Timing
 from rsibr.validate.flip import Exposures
 from rsibr.validate.metrics import MapError, compare
-from rsibr.validate.reference import LANES_PER_LAUNCH, Reference, ReferenceRenderer
+from rsibr.validate.reference import LANES_PER_LAUNCH, Reference, ReferenceRenderer, stratified
 
 _RIVAL_BRANCH = 0x7269_7661
 """Branch of the seed tree (the letters "riva"): no random number is shared with the references or with a bake."""

@@ -254,9 +254,13 @@ def _passes(samples: int, buffers: int, resolution: int) -> tuple[int, int]:
         )
     wanted = math.ceil(samples / buffers)
     passes = math.ceil(wanted * resolution**2 / LANES_PER_LAUNCH)
-    each = math.ceil(wanted / passes)
-    columns = math.isqrt(each)
-    return passes, columns * math.ceil(each / columns)
+    return passes, stratified(math.ceil(wanted / passes))
+
+
+def stratified(samples: int) -> int:
+    """Least count of at least `samples` that is a product of two nearly equal factors: the strata of `multijitter`."""
+    columns = math.isqrt(samples)
+    return columns * -(-samples // columns)
 
 
 def _seeds(seed: int, frame: NDArray[np.float64], count: int) -> NDArray[np.uint32]:

@@ -135,7 +135,8 @@ def test_a_hint_of_colour_is_colour():
 def test_the_light_is_sampled_under_a_sun_and_where_it_lowers_the_noise():
     assert planned(DIFFUSE, sun()).plan.light_samples
     assert not planned(DIFFUSE, gradient()).plan.light_samples
-    assert not planned(METAL, gradient()).plan.light_samples
+    assert not planned({**METAL, "alpha": 0.05}, gradient()).plan.light_samples
+    assert planned(METAL, gradient()).plan.light_samples
     assert planned(PLASTIC, gradient()).plan.light_samples  # the BSDF's own choice between its lobes is noise
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 from scipy.stats import norm
@@ -11,7 +12,7 @@ from scipy.stats import t as student_t
 from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.sphere_map import texel_coverage
-from rsibr.validate.reference import ReferenceRenderer, render_reference
+from rsibr.validate.reference import ReferenceRenderer, render_reference, stratified
 from tests.validate.doubles import BLACK_SKY, GREY_SKY, LAMBERT, MIRROR, Sky, slanted_sky
 
 VIEWS = [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, 1, 0), (0, -1, 0), (0.3, -0.5, -0.8), (-0.7, 0.6, 0.2)]
@@ -135,6 +136,13 @@ def test_no_fewer_samples_than_asked_for(mirror_under_slanted_sky, samples, capf
     taken = mirror_under_slanted_sky.render(view_frame((0, 0, 1)), samples).samples
     assert samples <= taken <= 2 * samples
     assert "rounded" not in capfd.readouterr().out
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 5, 7, 13, 16, 100, 1000])
+def test_stratified_counts_are_those_that_mitsuba_does_not_round(samples):
+    count = stratified(samples)
+    assert samples <= count <= samples + np.sqrt(samples)
+    assert mi.load_dict({"type": "multijitter", "sample_count": count}).sample_count() == count
 
 
 def test_many_passes_are_one_buffer(monkeypatch):
