@@ -13,7 +13,7 @@ from rsibr import backend
 from rsibr.bake.integrator import MAX_LANES, Launch, SphereIntegrator
 from rsibr.bake.lattice import MAX_POINTS
 
-MAX_BLOCKS = 16
+MAX_BLOCKS = 8
 """Blocks a texel where each has as many. Not more, for samples are spread evenly only within a block."""
 
 LEAST_BLOCK = 4

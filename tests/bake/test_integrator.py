@@ -8,8 +8,9 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from rsibr.bake.baker import bake_view
-from rsibr.bake.blocks import BlockSums, block_sizes
+from rsibr.bake.blocks import Blocks, BlockSums, block_sizes
 from rsibr.bake.integrator import LEAST_COVERAGE, SphereIntegrator
+from rsibr.bake.lattice import MAX_POINTS
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.sphere_map import texel_coverage
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
@@ -58,7 +59,7 @@ def test_lambert_under_a_gradient_sky_is_unbiased(gradient_sky, gradient_axis):
     environment = load_environment(EnvironmentConfig(file=gradient_sky))
     integrator = SphereIntegrator(environment.emitter(), mi.load_dict({"type": "diffuse", "reflectance": albedo}), N)
     frame = view_frame([0.5, 0.6, -0.7])
-    baked = bake_view(integrator, frame, block_sizes(1024), seed=3, index=0)
+    baked = bake_view(integrator, frame, Blocks(64, 16), seed=3, index=0)
     x, y = disk_grid(N)
     half = 1 / N
     mean_normal = np.stack(disk_area_moments((x - half, y + half), 2 * half), axis=-1) @ frame.T
@@ -91,7 +92,7 @@ def test_orientation_is_mitsubas(view, asymmetric_environment):
 def test_bake_agrees_with_the_path_tracer(preset, asymmetric_environment):
     """Each preset: per-texel t-test with Šidák's bound and an aggregate z-test, false-alarm rate 1e-4 each.
 
-    Two independent means with 15 and 7 degrees of freedom: Welch's t with the lesser, 7, is conservative.
+    Two independent means with 7 degrees of freedom each: Welch's t with 7 is conservative.
     """
     environment = load_environment(EnvironmentConfig(file=asymmetric_environment))
     material = load_material(MaterialConfig(preset=preset))
@@ -135,7 +136,9 @@ def test_sums_over_blocks_are_their_mean_and_the_variance_of_it(rng):
         assert np.allclose(variance[texel], own.sum(axis=1).var(axis=0, ddof=1) / count, rtol=1e-5)
 
 
-@pytest.mark.parametrize(("samples", "size", "count"), [(4, 2, 2), (16, 4, 4), (64, 4, 16), (1000, 63, 16)])
+@pytest.mark.parametrize(
+    ("samples", "size", "count"), [(4, 2, 2), (16, 4, 4), (64, 8, 8), (1000, 125, 8), (25 * MAX_POINTS, MAX_POINTS, 25)]
+)
 def test_blocks_hold_at_least_the_samples_asked_for(samples, size, count):
     blocks = block_sizes(samples)
     assert (blocks.size, blocks.counts) == (size, count)

@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from rsibr.bake import sampling as module
 from rsibr.bake.baker import bake, bake_view
-from rsibr.bake.blocks import Blocks, block_sizes
+from rsibr.bake.blocks import MAX_BLOCKS, Blocks, block_sizes
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.manifest import read_manifest
 from rsibr.bake.noise import map_noise
@@ -56,7 +56,7 @@ def config(tmp_path, asymmetric_environment):
 @pytest.fixture(scope="module")
 def integrator():
     """A glossy metal under a sun: a bright spot on a dark map."""
-    return SphereIntegrator(sun().emitter(), mi.load_dict({"type": "roughconductor", "alpha": 0.3}), N)
+    return SphereIntegrator(sun().emitter(), mi.load_dict({"type": "roughconductor", "alpha": 0.15}), N)
 
 
 def adaptive(integrator, frame, seed):
@@ -88,7 +88,7 @@ def test_counts_follow_the_noise(runs):
 
 
 def test_mean_of_many_adaptive_bakes_is_that_of_a_long_even_one(integrator, runs):
-    """Per texel, Welch's t with the lesser 15 degrees of freedom and Šidák's bound; and Σz. False-alarm rate 1e-4 each.
+    """Per texel, Welch's t with the lesser degrees of freedom and Šidák's bound; and Σz. False-alarm rate 1e-4 each.
 
     The counts of a run are fixed by its pilot, whose samples are in no mean: no rule stops at what it likes.
     """
@@ -98,7 +98,7 @@ def test_mean_of_many_adaptive_bakes_is_that_of_a_long_even_one(integrator, runs
     difference = means.mean(axis=0) - long.radiance[inside]
     error = np.sqrt(means.var(axis=0, ddof=1) / RUNS + long.variance[inside])
     z = (difference / error).mean(axis=1)  # the channels share their samples: one number a texel
-    assert 2 * student.sf(np.abs(z).max(), 15) > 1 - (1 - FALSE_ALARM) ** (1 / len(z))
+    assert 2 * student.sf(np.abs(z).max(), MAX_BLOCKS - 1) > 1 - (1 - FALSE_ALARM) ** (1 / len(z))
     assert 2 * norm.sf(abs(z.sum() / np.sqrt((z**2).sum()))) > FALSE_ALARM
 
 
@@ -116,24 +116,26 @@ def test_stored_variance_is_what_the_runs_show(runs):
 
 
 def test_equal_work_makes_less_noise(integrator, runs):
-    """In the mean over the runs, by their stored variances; the gain here is some 8 %, its standard error 0.5 %."""
+    """In the mean over the runs, by their stored variances; the gain here is some 20 %."""
     frame = view_frame([1, 2, 3])
-    even = [map_noise(bake_view(integrator, frame, Blocks(4, 16), seed=seed, index=0)) for seed in range(RUNS)]
+    even = [map_noise(bake_view(integrator, frame, Blocks(8, 8), seed=seed, index=0)) for seed in range(RUNS)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "LEAST_WORK", 0)
         made = [map_noise(adaptive(integrator, frame, seed)[0]) for seed in range(RUNS)]
-    assert np.mean(made) < 0.96 * np.mean(even)
-    assert runs[2].mean() == pytest.approx(16, rel=0.05)
+    assert np.mean(made) < 0.9 * np.mean(even)
+    assert runs[2].mean() == pytest.approx(8, rel=0.05)
 
 
-def test_views_with_more_noise_get_more(integrator):
-    frames = [view_frame(view) for view in ([0, 0, 1], [0, 0, -1], [0, 1, 0], [1, 0, 0])]
+def test_views_with_more_noise_get_more():
+    coated = mi.load_dict({"type": "principled", "roughness": 0.3, "clearcoat": 1.0})
+    integrator = SphereIntegrator(sun().emitter(), coated, N)
+    frames = [view_frame(view) for view in ([0, 0, 1], [0, -1, 0], [0, 1, 0], [1, 0, 0])]
     sampler = Sampler(integrator, frames, SamplingConfig(samples=64))
     record = sampler.choose(time.perf_counter())
     work = [sampler.blocks(record, index).counts.mean() for index in range(len(frames))]
-    noise = [map_noise(bake_view(integrator, frame, Blocks(4, 16), seed=1, index=0)) for frame in frames]
-    assert np.argmax(work) == np.argmax(noise)
-    assert np.mean(work) == pytest.approx(16, rel=0.05)
+    noise = [map_noise(bake_view(integrator, frame, Blocks(8, 8), seed=1, index=0)) for frame in frames]
+    assert np.argsort(work).tolist() == np.argsort(noise).tolist()
+    assert np.mean(work) == pytest.approx(8, rel=0.05)
 
 
 def test_nothing_is_compiled_from_view_to_view(integrator, rng):

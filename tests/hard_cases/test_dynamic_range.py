@@ -10,7 +10,7 @@ from scipy.stats import t as student
 from typer.testing import CliRunner
 
 from rsibr.bake.baker import bake, bake_view
-from rsibr.bake.blocks import block_sizes
+from rsibr.bake.blocks import Blocks, block_sizes
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.map_file import read_map, write_map
 from rsibr.cli.app import app
@@ -196,7 +196,7 @@ def test_hc28_an_environment_turned_with_the_view_gives_the_same_map(view, asymm
         turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
         light = load_environment(EnvironmentConfig(file=asymmetric_environment, rotation_deg=90.0 * turns))
         made = SphereIntegrator(light.emitter(), bsdf, N)
-        return bake_view(made, turn @ view_frame(np.array(view)), block_sizes(512), seed=turns, index=0)
+        return bake_view(made, turn @ view_frame(np.array(view)), Blocks(32, 16), seed=turns, index=0)
 
     still = baked(0)
     inside = still.coverage > 0

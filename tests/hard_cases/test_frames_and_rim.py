@@ -6,7 +6,7 @@ import pytest
 from scipy.stats import norm
 
 from rsibr.bake.baker import bake_view
-from rsibr.bake.blocks import block_sizes
+from rsibr.bake.blocks import Blocks
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.errors import InputError
 from rsibr.geometry.frame import frame_of, transported, unit_view, view_frame
@@ -207,7 +207,7 @@ def test_hc12_a_texel_half_outside_shows_the_mean_over_its_inside(gradient_sky, 
     """
     integrator = mirror(load_environment(EnvironmentConfig(file=gradient_sky)).emitter(), 16)
     frame = view_frame([1.0, 0.0, 0.3])
-    baked = bake_view(integrator, frame, block_sizes(4096), seed=1, index=0)
+    baked = bake_view(integrator, frame, Blocks(256, 16), seed=1, index=0)
     fine = 64
     x, y = (grid.reshape(16, fine, 16, fine).transpose(0, 2, 1, 3) for grid in disk_grid(16 * fine))
     covered = np.hypot(x, y) < 1

@@ -83,7 +83,7 @@ def test_hc18_lambert_under_a_gradient_has_the_irradiance_of_the_closed_form(vie
     emitter = load_environment(EnvironmentConfig(file=gradient_sky)).emitter()
     frame = view_frame(view)
     baked = bake_view(
-        integrator({"type": "diffuse", "reflectance": 0.5}, emitter), frame, block_sizes(1024), seed=3, index=0
+        integrator({"type": "diffuse", "reflectance": 0.5}, emitter), frame, Blocks(64, 16), seed=3, index=0
     )
     x, y = disk_grid(N)
     mean_normal = np.stack(disk_area_moments((x - 1 / N, y + 1 / N), 2 / N), axis=-1) @ frame.T

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import norm
 
+from rsibr.bake.blocks import MAX_BLOCKS
 from rsibr.bake.store import Bake
 from tests.statistics.comparison import compared, sidak
 
 
-def agreement(a: Bake, b: Bake, freedom: float = 15) -> float:
+def agreement(a: Bake, b: Bake, freedom: float = MAX_BLOCKS - 1) -> float:
     """Corrected p-value of two tests: blocks of 4 × 4 texels, and each channel as a whole.
 
     Sums are held against the sums of their variances. Ratios of single texels are not looked at: a block of few samples

@@ -51,7 +51,7 @@ def courtyard():
 def test_bake_agrees_with_the_path_tracer_under_a_real_sky(preset, courtyard):
     """False-alarm rate 1e-4 for each of texels, blocks and aggregate, Šidák's correction included.
 
-    1024 samples in 16 blocks each: the t-test takes their means for Gaussian, which a sun seen by few samples is not;
+    1024 samples in blocks: the t-test takes their means for Gaussian, which a sun seen by few samples is not;
     the courtyard's brightest texels are a window, and the blocks' means are near enough.
     """
     found, pictures = difference_of(courtyard, preset, 1024, [0.2, 0.5, 0.8])

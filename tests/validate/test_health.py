@@ -72,7 +72,7 @@ def found(health: Health) -> dict[str, list[tuple[int, int, int]]]:
 
 
 def test_a_sound_bake_has_no_findings(sound):
-    """False alarms: fireflies none with 16 blocks, drift 1e-3."""
+    """False alarms: fireflies none with 8 blocks, drift 1e-3."""
     health = check(sound)
     assert found(health) == {}
     assert health.trusted
