@@ -19,8 +19,8 @@ MAX_BLOCKS = 8
 LEAST_BLOCK = 4
 """Samples of a block below which there are rather fewer blocks."""
 
-FEW_BLOCKS = 4
-"""Blocks a texel where their size is free: fine lattices, and a spread of three degrees of freedom."""
+FEW_BLOCKS = 3
+"""Blocks a texel where their size is free: fine lattices, and a spread of two degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False)

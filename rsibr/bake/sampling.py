@@ -14,6 +14,7 @@ from rsibr.bake.allocation import Allocation, equal_work
 from rsibr.bake.blocks import FEW_BLOCKS, MAX_BLOCKS, Blocks, block_sizes
 from rsibr.bake.calibration import map_overhead, sample_seconds
 from rsibr.bake.integrator import SphereIntegrator
+from rsibr.bake.lattice import MAX_POINTS
 from rsibr.bake.manifest import SamplingRecord
 from rsibr.bake.noise_pilot import LEAST_SIDE, Image, NoisePilot
 from rsibr.errors import InputError
@@ -35,7 +36,7 @@ PROMISING_SIDE = 32
 TIME_MARGIN = 0.9
 """Forecast seconds to those allowed."""
 
-AFTER_PILOTS = 0.75
+AFTER_PILOTS = 0.6
 """Share of the seconds that is left for samples, at least, once pilots and a sample's time have been measured."""
 
 TYPICAL_SIZE = 16
@@ -123,12 +124,15 @@ class Sampler:
 
     def _for_error(self, target: float) -> SamplingRecord:
         needed, again, least, spread = self._fewest(target)
-        even = max(least, math.ceil(needed / again.block))
-        factor = even / least
-        scale = None if again.scale is None else again.scale * factor
-        noise = Allocation(even, scale).noise(spread)
-        return again.model_copy(
-            update={"even": even, "scale": scale, "forecast_rel_mse": noise, "promised_rel_mse": target}
+        if again.scale is None:  # a finer lattice is no noisier, so that no block need be left half used
+            size, scale = min(MAX_POINTS, max(again.block, math.ceil(needed / least))), None
+            even = max(least, math.ceil(needed / size))
+        else:
+            size, even = again.block, max(least, math.ceil(needed / again.block))
+            scale = again.scale * even / least
+        noise = Allocation(even, scale).noise(spread) * again.block / size
+        return SamplingRecord(
+            block=size, even=even, scale=scale, gain=again.gain, forecast_rel_mse=noise, promised_rel_mse=target
         )
 
     def _fewest(self, target: float) -> tuple[float, SamplingRecord, int, NDArray[np.float64]]:
