@@ -76,12 +76,16 @@ class LobeRecord(_Record):
         Its directional albedo over the viewing angle; see `rsibr.effects.albedo`.
     proxies : tuple of ProxyRecord
         What stands in for it in a model of the lobe; none for a delta, and in bakes older than this record.
+    views : int or None
+        The first so many views have a layer of it, the others have it added to further lobes; None where all have, and
+        in bakes older than this field. See `rsibr.bake.layers`.
     """
 
     name: str
     alpha: float
     albedo: tuple[Vector, ...]
     proxies: tuple[ProxyRecord, ...] = ()
+    views: int | None = Field(None, ge=1)
 
 
 class LightRecord(_Record):
@@ -292,7 +296,8 @@ class Manifest(_Record):
     environment, material
         What is to be known about them, for reports.
     lobes : tuple of LobeRecord
-        The material's lobes, each a layer of the maps; one lobe alone is the layer "radiance"; none were asked for.
+        The material's lobes, layers of the maps; one lobe alone is the layer "radiance"; none where they are not kept
+        apart.
     light : LightRecord or None
         The light that the model of each lobe is made from; None until written, and in bakes older than this record.
     resolution : int
