@@ -131,9 +131,9 @@ class MethodSet:
         lobe : str, optional
             Only this lobe's part of the map: its model, and what that leaves unsaid of the lobe's own layer, carried as
             the whole's is, from the views that have one. Model, residual and the carrying of it are linear, so that the
-            parts of all lobes add up to the method where every view keeps all lobes apart. Where a lobe is done with
-            fewer views, its residual comes from these alone in its part, and from all of them in the method: the parts
-            miss the method by the difference of the two. A part may fall below zero.
+            parts of all lobes add up to the method, as far as that cuts nothing off, where every view keeps all lobes
+            apart. Where a lobe is done with fewer views, its residual comes from these alone in its part, and from all
+            of them in the method: the parts miss the method by the difference of the two. A part may fall below zero.
 
         Raises
         ------
