@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from rsibr.bake.atomic import checksum, read_bytes, write_atomic
 from rsibr.effects.plan import Plan
 from rsibr.errors import BakeError
+from rsibr.geometry.viewpoints import VIEW_COUNTS
 
 MANIFEST_NAME = "manifest.json"
 MAPS_NAME = "maps"
@@ -398,6 +399,9 @@ class Manifest(_Record):
             raise ValueError("the views are not the directions, in their order")
         if any(not 0 <= corner < len(self.directions) for triangle in self.triangles for corner in triangle):
             raise ValueError("a triangle names a view that does not exist")
+        for lobe in self.lobes:
+            if lobe.views is not None and not (lobe.views in VIEW_COUNTS and lobe.views < len(self.directions)):
+                raise ValueError(f"{lobe.name} cannot be kept apart in {lobe.views} of {len(self.directions)} views")
         if self.config_hash != checksum(canonical(self.config)):
             raise ValueError("config_hash is not the hash of the config")
         return self

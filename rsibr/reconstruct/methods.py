@@ -164,14 +164,8 @@ class MethodSet:
     ) -> _Modelled:
         """Make a method with a model, and put into its sources what the model leaves unsaid, over the whole albedo."""
         albedo = LobeAlbedo.of(np.sum([np.array(record.albedo) for record in self._lobes], axis=0))
-        seen = self._seen(lobe)
-        common = (
-            self._first_views(len(seen)),
-            self._sources,
-            triangle_mix(gnomonic_weights),
-            MirrorWarp.between,
-            self._cost,
-        )
+        seen, mix = self._seen(lobe), triangle_mix(gnomonic_weights)
+        common = (self._first_views(len(seen)), self._sources, mix, MirrorWarp.between, self._cost)
         is_part, carries = lobe is not None, self._bake.has_views if uses_maps is None else uses_maps
         title = f"{name}/{lobe}" if is_part else name
         negatives = is_part or self._bake.rendering != "rgb"
