@@ -16,6 +16,7 @@ import rsibr
 from rsibr import backend
 from rsibr.bake.blocks import Blocks, block_sizes, estimate
 from rsibr.bake.integrator import SphereIntegrator
+from rsibr.bake.layers import layered
 from rsibr.bake.manifest import (
     BudgetRecord,
     EnvironmentRecord,
@@ -175,12 +176,13 @@ def plan_manifest(
             "variant": variant,
             "blocks": sampling.identity,
             "plan": {"grey": plan.grey, "light_samples": plan.light_samples, "left_out": list(plan.left_out)},
+            "lobe_views": {lobe.name: lobe.own_views for lobe in plan.lobes if lobe.own_views is not None},
         },
         packages=packages,
         variant=variant,
         environment=EnvironmentRecord(name=environment.name, clipped=environment.clipped, lowest=environment.lowest),
         material=MaterialRecord(name=material.name, warp=material.warp, notes=_notes(material, plan)),
-        lobes=tuple(_lobe_record(lobe) for lobe in planned_lobes(kept_apart, plan)),
+        lobes=tuple(_lobe_record(lobe, plan) for lobe in planned_lobes(kept_apart, plan)),
         resolution=config.map.resolution,
         directions=viewpoints.directions,
         triangles=viewpoints.triangles,
@@ -190,7 +192,7 @@ def plan_manifest(
     )
 
 
-def _lobe_record(lobe: Lobe) -> LobeRecord:
+def _lobe_record(lobe: Lobe, plan: Plan) -> LobeRecord:
     proxy = lobe.proxy
     terms = () if proxy is None else zip(proxy.alphas, proxy.coefficients, strict=True)
     return LobeRecord(
@@ -198,6 +200,7 @@ def _lobe_record(lobe: Lobe) -> LobeRecord:
         alpha=lobe.alpha,
         albedo=_colours(lobe.albedo),
         proxies=tuple(ProxyRecord(alpha=alpha, coefficients=_colours(values)) for alpha, values in terms),
+        views=next(planned.own_views for planned in plan.lobes if planned.name == lobe.name),
     )
 
 
@@ -216,6 +219,7 @@ def _bake_views(writer: BakeWriter, sampler: Sampler, on_progress: Callable[[Pro
     pending, views, record = writer.pending, len(sampler.frames), writer.manifest.sampling
     if not pending or record is None:
         return
+    lobes = writer.manifest.lobes
     with ThreadPoolExecutor(1) as storing:  # the device need not wait until the last view is on the disk
         stored = storing.submit(lambda: None)
         for finished, index in enumerate(pending, start=views - len(pending)):
@@ -229,7 +233,7 @@ def _bake_views(writer: BakeWriter, sampler: Sampler, on_progress: Callable[[Pro
             baked = bake_view(sampler.integrator, frame, blocks, seed=seed, index=index, on_launch=report)
             seconds = max(0.0, time.perf_counter() - start)  # no clock that jumps may cost a view
             stored.result()  # a full disk ends the bake here
-            stored = storing.submit(writer.commit, index, baked, seconds)
+            stored = storing.submit(writer.commit, index, layered(baked, lobes, index), seconds)
         stored.result()
     on_progress(Progress(views, views, 0, STEPS))
 

@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from rsibr.bake.atomic import checksum, read_bytes, write_atomic
 from rsibr.effects.plan import Plan
 from rsibr.errors import BakeError
+from rsibr.geometry.viewpoints import VIEW_COUNTS
 
 MANIFEST_NAME = "manifest.json"
 MAPS_NAME = "maps"
@@ -76,12 +77,16 @@ class LobeRecord(_Record):
         Its directional albedo over the viewing angle; see `rsibr.effects.albedo`.
     proxies : tuple of ProxyRecord
         What stands in for it in a model of the lobe; none for a delta, and in bakes older than this record.
+    views : int or None
+        The first so many views have a layer of it, the others have it added to further lobes; None where all have, and
+        in bakes older than this field. See `rsibr.bake.layers`.
     """
 
     name: str
     alpha: float
     albedo: tuple[Vector, ...]
     proxies: tuple[ProxyRecord, ...] = ()
+    views: int | None = Field(None, ge=1)
 
 
 class LightRecord(_Record):
@@ -292,7 +297,8 @@ class Manifest(_Record):
     environment, material
         What is to be known about them, for reports.
     lobes : tuple of LobeRecord
-        The material's lobes, each a layer of the maps; one lobe alone is the layer "radiance"; none were asked for.
+        The material's lobes, layers of the maps; one lobe alone is the layer "radiance"; none where they are not kept
+        apart.
     light : LightRecord or None
         The light that the model of each lobe is made from; None until written, and in bakes older than this record.
     resolution : int
@@ -393,6 +399,9 @@ class Manifest(_Record):
             raise ValueError("the views are not the directions, in their order")
         if any(not 0 <= corner < len(self.directions) for triangle in self.triangles for corner in triangle):
             raise ValueError("a triangle names a view that does not exist")
+        for lobe in self.lobes:
+            if lobe.views is not None and not (lobe.views in VIEW_COUNTS and lobe.views < len(self.directions)):
+                raise ValueError(f"{lobe.name} cannot be kept apart in {lobe.views} of {len(self.directions)} views")
         if self.config_hash != checksum(canonical(self.config)):
             raise ValueError("config_hash is not the hash of the config")
         return self

@@ -48,8 +48,8 @@ class MapFile:
     frame : ndarray of float64, shape (3, 3)
         Rotation whose columns are x (right), y (up) and z = `view` in world coordinates.
     layers : dict of str to ndarray of float32, shape (N, N, 3)
-        Radiance [W sr⁻¹ m⁻²] of each lobe, row 0 at the top, in the order of the file's parts. The first one is what a
-        plain viewer shows. Their sum is the map.
+        Radiance [W sr⁻¹ m⁻²] of each lobe, or of several added up (see `rsibr.bake.layers`), row 0 at the top, in the
+        order of the file's parts. The first one is what a plain viewer shows. Their sum is the map.
     variance : ndarray of float32, shape (N, N, 3), or None
         Variance of the mean of the summed lobes; None where it is not known, as for a reconstructed map.
     coverage : ndarray of float32, shape (N, N)

@@ -79,10 +79,11 @@ def planned_lobes(lobes: Sequence[Lobe], plan: Plan) -> list[Lobe]:
 
 def baked_costs(manifest: Manifest, views: int) -> Costs:
     """Costs of a map, from the maps of a finished bake; `views`: how many the config asked for."""
+    apart = manifest.views[: min((lobe.views or views for lobe in manifest.lobes), default=views)]
     return Costs(
         views=views,
         lobes=max(1, len(manifest.lobes)),
         seconds=median(state.seconds or 0.0 for state in manifest.views),
-        bytes=round(median(state.bytes or 0 for state in manifest.views)),
+        bytes=round(median(state.bytes or 0 for state in apart)),
         source=BAKED,
     )

@@ -76,7 +76,8 @@ def _row(effect: Effect) -> Iterator[str]:
 def _lines(made: Plan) -> Iterator[str]:
     for lobe in made.lobes:
         needs = f"maps from {lobe.views_needed} views" if lobe.maps_needed else "no maps"
-        yield f"{lobe.name}: {needs}: {lobe.why}"
+        apart = "" if lobe.own_views is None else f", kept apart in the first {lobe.own_views} views"
+        yield f"{lobe.name}: {needs}{apart}: {lobe.why}"
     channels, samples = ("one channel" if made.grey else "RGB"), ("light and BSDF" if made.light_samples else "BSDF")
     channels += {"rgb": "", "spectral": " of spectra", "spectral_polarized": " of polarised spectra"}[made.rendering]
     total = (

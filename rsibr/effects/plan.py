@@ -91,6 +91,9 @@ class LobePlan:
         relMSE of the closed form, estimated, and the threshold below which it serves.
     why : str
         The decision in words.
+    own_views : int or None
+        The first so many views store it as a layer of its own, the others added to further lobes; None where all views
+        do, and in plans older than this field. See `rsibr.effects.plan_views`.
     """
 
     __pydantic_config__ = _STRICT
@@ -101,6 +104,7 @@ class LobePlan:
     evidence: float
     threshold: float
     why: str
+    own_views: int | None = None
 
 
 @dataclass(frozen=True)

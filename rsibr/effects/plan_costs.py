@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from rsibr.effects.plan import Effect, Plan
+from rsibr.effects.plan_views import layers_spared, own_views
 
 _RADIANCE, _VARIANCE, _COVERAGE = 3, 3, 1
 """Channels of a lobe's layer, of the variance, of the coverage."""
@@ -21,7 +22,7 @@ class Costs:
     seconds : float
         Of a map as planned.
     bytes : int
-        Of a map as planned.
+        Of a map as planned that keeps all lobes apart.
     one_lobe, other_colour, other_sampling, other_rendering : float or None
         Seconds of a map with its lobes not kept apart; with three channels where one is planned, or the reverse; with
         light samples where none are planned, or the reverse; in RGB where spectra are planned, or the reverse. None
@@ -55,10 +56,17 @@ def priced(plan: Plan, costs: Costs, asked_resolution: int) -> Plan:
         Texels a side that the config asked for.
     """
     effects = tuple(_priced(effect, plan, costs, asked_resolution) for effect in plan.effects)
-    views = _baked(plan, costs)
-    return replace(
-        plan, effects=effects, seconds=views * costs.seconds, bytes=views * costs.bytes, costs_from=costs.source
-    )
+    seconds = _baked(plan, costs) * costs.seconds
+    return replace(plan, effects=effects, seconds=seconds, bytes=_whole_bytes(plan, costs), costs_from=costs.source)
+
+
+def _whole_bytes(plan: Plan, costs: Costs) -> int:
+    """Bytes of all maps: those of the layers that some views do not have are not among them."""
+    return _baked(plan, costs) * costs.bytes - _layers_bytes(_layers_left_out(plan, costs), costs)
+
+
+def _layers_left_out(plan: Plan, costs: Costs) -> int:
+    return layers_spared([lobe.own_views or costs.views for lobe in plan.lobes], costs.views)
 
 
 def _baked(plan: Plan, costs: Costs) -> int:
@@ -70,14 +78,20 @@ def _priced(effect: Effect, plan: Plan, costs: Costs, asked: int) -> Effect:
     seconds: float | None
     size: int | None
     views = _baked(plan, costs)
-    whole = views * costs.seconds, views * costs.bytes
+    whole = views * costs.seconds, _whole_bytes(plan, costs)
     match effect.name:
         case "view_dependence":
-            seconds, size = (costs.views - 1) * costs.seconds, (costs.views - 1) * costs.bytes
+            left_out = _layers_bytes(_layers_left_out(plan, costs), costs)
+            seconds, size = (costs.views - 1) * costs.seconds, (costs.views - 1) * costs.bytes - left_out
         case "diffuse" | "glossy" | "clear_coat" | "mirror":
             if not effect.on and effect.forced is None:
                 return effect  # it is not there: nothing to save
             seconds, size = _of_a_lobe(plan, costs)
+        case "lobe_views":
+            if not effect.threshold:
+                return effect  # no view can do with fewer layers than another
+            fewest = layers_spared(own_views(plan.lobes, int(effect.threshold)), costs.views)
+            seconds, size = 0.0, _layers_bytes(fewest if effect.on else _layers_left_out(plan, costs), costs)
         case "colour":
             seconds, size = _apart(effect.on, costs, costs.other_colour), _of_colour(costs)
         case "light_sampling":
@@ -100,7 +114,7 @@ def _of_a_lobe(plan: Plan, costs: Costs) -> tuple[float | None, int | None]:
     if costs.lobes == 1 and not plan.left_out:
         return costs.views * costs.seconds, costs.views * costs.bytes
     apart = _apart(True, costs, costs.one_lobe)
-    size = round(costs.views * costs.bytes * _RADIANCE / _channels(costs.lobes))
+    size = _layers_bytes(costs.views, costs) - _layers_bytes(_layers_left_out(plan, costs), costs) // costs.lobes
     return None if apart is None else apart / max(costs.lobes - 1, 1), size
 
 
@@ -111,8 +125,9 @@ def _of_colour(costs: Costs) -> int | None:
     return costs.views * abs(costs.other_colour_bytes - costs.bytes)
 
 
-def _channels(lobes: int) -> int:
-    return lobes * _RADIANCE + _VARIANCE + _COVERAGE
+def _layers_bytes(layers: int, costs: Costs) -> int:
+    """Bytes of so many layers: channels of noise compress alike."""
+    return round(layers * costs.bytes * _RADIANCE / (costs.lobes * _RADIANCE + _VARIANCE + _COVERAGE))
 
 
 def _apart(is_on: bool, costs: Costs, other: float | None) -> float | None:

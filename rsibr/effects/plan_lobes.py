@@ -8,7 +8,8 @@ from dataclasses import replace
 from rsibr.effects.light_probe import LightProbe
 from rsibr.effects.material_probe import LobeProbe, MaterialProbe
 from rsibr.effects.plan import NEGLIGIBLE, Effect, LobePlan, decided, number
-from rsibr.effects.plan_model import VIEW_COUNTS, interpolation_error, relative_power
+from rsibr.effects.plan_model import interpolation_error, relative_power
+from rsibr.geometry.viewpoints import VIEW_COUNTS
 from rsibr.scene.config import EffectsConfig
 
 COAT_ALPHA = 0.1

@@ -8,12 +8,10 @@ from numpy.typing import NDArray
 from rsibr.effects.harmonics import LMAX
 from rsibr.effects.light_probe import UNRESOLVED, LightProbe
 from rsibr.effects.material_probe import LobeProbe
+from rsibr.geometry.viewpoints import VIEW_COUNTS
 
 SECOND_MOMENT = 0.4
 """Variance of a GGX lobe in half-vector space over α²: 0.35 to 0.5 fit measured lobes."""
-
-VIEW_COUNTS = (12, 42, 162, 642, 2562, 10242)
-"""Views of a subdivided icosahedron."""
 
 _FARTHEST = 0.6524
 """Angle [rad] from the centroid of an icosahedron's face to its vertices; about half with each subdivision."""

@@ -17,6 +17,7 @@ from rsibr.effects.plan_flags import flag_effects, use_effects
 from rsibr.effects.plan_light import Resolution, is_even, resolution_effect, sampling_effect
 from rsibr.effects.plan_lobes import Weights, effect_of, fresnel_effect, lobe_effects, lobe_maps, view_effect
 from rsibr.effects.plan_maps import left_out_errors
+from rsibr.effects.plan_views import lobe_views
 from rsibr.errors import InputError
 from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment
@@ -100,16 +101,17 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     spectra = ColourEffects.of(config)
     colour = colour_effect(material, light, settings, spectra.rendering != "rgb")
     sampling = sampling_effect(light, material, sampling_ratio, settings, config.sampling)
-    of_material = _of_the_material(config, probes, left_out, spectra.breaks_closed_forms)
+    of_material = tuple(_of_the_material(config, probes, left_out, spectra.breaks_closed_forms))
     carried = (colour, spectra.spectral, spectra.polarisation)
-    effects = unique([*of_material, *carried, sampling, full, *flag_effects(material), *use_effects()])
-    kept, dropped = _kept(material, effects)
+    kept, dropped = _kept(material, of_material)
+    lobes = tuple(
+        lobe_maps(lobe, left_out[lobe.name], light, settings.view_dependence, spectra.breaks_closed_forms)
+        for lobe in kept
+    )
+    layers, lobes = lobe_views(lobes, config.views, settings)
     return Plan(
-        effects=effects,
-        lobes=tuple(
-            lobe_maps(lobe, left_out[lobe.name], light, settings.view_dependence, spectra.breaks_closed_forms)
-            for lobe in kept
-        ),
+        effects=unique([*of_material, layers, *carried, sampling, full, *flag_effects(material), *use_effects()]),
+        lobes=lobes,
         left_out=dropped,
         grey=not colour.on,
         light_samples=sampling.on,

@@ -14,8 +14,14 @@ from rsibr.errors import InputError
 from rsibr.geometry.cap_tree import CapTree
 from rsibr.geometry.resident import resident
 
+VIEW_COUNTS = (12, 42, 162, 642, 2562, 10242)
+"""Views of a subdivided icosahedron. They are nested: each count's directions are the first of the next one's."""
+
 MAX_SUBDIVISION = 5
 """10 242 views: beyond it the triangles' sides come near the resolution of float32 weights, and no use is known."""
+
+_NESTED = 1e-12
+"""Difference up to which two unit directions are the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +159,29 @@ def icosphere(subdivision: int) -> Viewpoints:
 
     mesh = trimesh.creation.icosphere(subdivisions=subdivision)
     return from_directions(mesh.vertices, mesh.faces)
+
+
+def first_views(viewpoints: Viewpoints, count: int) -> Viewpoints:
+    """The first views of an icosphere, with triangles of their own.
+
+    Parameters
+    ----------
+    viewpoints : Viewpoints
+        All of them.
+    count : int
+        How many: all, or one of `VIEW_COUNTS` where `viewpoints` is an icosphere.
+
+    Raises
+    ------
+    ValueError
+        If there is no icosphere of so many views, or they are not the first of these.
+    """
+    if count == len(viewpoints):
+        return viewpoints
+    first = icosphere(VIEW_COUNTS.index(count))
+    if not np.allclose(first.directions, viewpoints.directions[:count], rtol=0.0, atol=_NESTED):
+        raise ValueError(f"the first {count} views are not those of an icosphere")
+    return first
 
 
 def from_directions(directions: ArrayLike, triangles: ArrayLike | None = None) -> Viewpoints:

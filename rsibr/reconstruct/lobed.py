@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import cast
 
 import drjit as dr
 import mitsuba as mi
@@ -11,13 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.frame import frame_of
-from rsibr.geometry.sphere_map import normal_from_disk, texel_centre
+from rsibr.geometry.sphere_map import normal_from_disk, texel_centre, tiled_texels
+from rsibr.geometry.viewpoints import ViewSphere
 from rsibr.reconstruct.blend import Mixture
 from rsibr.reconstruct.lobe_albedo import LobeAlbedo
-from rsibr.reconstruct.method import Method, as_rgba, touches_disk
+from rsibr.reconstruct.method import Method, as_rgba, frame_from, laid_out, touches_disk
 from rsibr.reconstruct.moments import MOST_TAKEN, Footprint, tap_angle
 from rsibr.reconstruct.sources import SourceMaps, StoredView
-from rsibr.reconstruct.warp import LEAST_CONFIDENCE, MirrorWarp, NormalWarp, Warp
+from rsibr.reconstruct.warp import LEAST_CONFIDENCE, MirrorWarp, NormalWarp
+
+Toward = tuple[Mixture, "list[LobeWarps]"]
+"""The stored views around a new one, and the warps to them."""
 
 _LEAST_ALPHA = 0.004  # below, a lobe's footprint is finer than the texels of any map
 
@@ -81,6 +84,22 @@ class LobeWarps:
         return (self.normal if is_diffuse else self.mirror)(n)[0]
 
 
+@dataclass
+class LobeGroup:
+    """Lobes that are stored in the same views: they are mixed and warped alike.
+
+    Attributes
+    ----------
+    sphere : ViewSphere
+        These views.
+    lobes : list of LobeMaps
+        At least one.
+    """
+
+    sphere: ViewSphere
+    lobes: list[LobeMaps]
+
+
 @dataclass(frozen=True)
 class Corrections:
     """What `rsibr` does beyond warping; each can be left out, to see what it gains and what it costs.
@@ -104,36 +123,52 @@ class LobedMethod(Method):
 
     Attributes
     ----------
-    lobes : list of LobeMaps
-        The lobes.
+    groups : list of LobeGroup
+        The lobes, with the views that each is stored in.
     corrections : Corrections
         What is done beyond warping.
     """
 
-    lobes: list[LobeMaps] = field(default_factory=list)
+    groups: list[LobeGroup] = field(default_factory=list)
     corrections: Corrections = Corrections()
 
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` off surfaces with normal `n`: see `Method.eval`."""
         frame = frame_of(v)
-        mixture, warps = self._toward(frame)
-        return self._summed(mixture, cast(list[LobeWarps], warps), frame.T @ n)
+        return self._summed(self._toward_each(frame), frame.T @ n)
 
-    def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Vector4f:
+    def image(self, columns: mi.Float, resolution: int) -> mi.Float:
+        """The texels of a map: see `Method.image`."""
+        toward = self._toward_each(frame_from(columns))
+        dr.eval(toward)
+        texel = tiled_texels(resolution)
         p = texel_centre(texel, resolution)
-        lobe_warps = cast(list[LobeWarps], warps)  # what `warp` makes, see `MethodSet.lobed`
-        return dr.if_stmt(
+        radiance = dr.if_stmt(
             (normal_from_disk(p),),
             touches_disk(p, resolution),
-            lambda n: as_rgba(self._summed(mixture, lobe_warps, n)),
+            lambda n: as_rgba(self._summed(toward, n)),
             lambda _: mi.Vector4f(0),
         )
+        return laid_out(radiance, texel, resolution)
 
-    def _summed(self, mixture: Mixture, warps: list[LobeWarps], n: mi.Vector3f) -> mi.Color3f:
+    def _toward_each(self, frame: mi.Matrix3f) -> list[Toward]:
+        """For each group the sources of the view that `frame` looks from, and the warps to them."""
+        v = mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2])
+        mixtures = [self.mix(group.sphere, group.lobes[0].sources, v) for group in self.groups]
+        return [(mixture, [LobeWarps.between(stored, frame) for stored in mixture.views]) for mixture in mixtures]
+
+    def _summed(self, toward: list[Toward], n: mi.Vector3f) -> mi.Color3f:
+        radiance, footprint = mi.Color3f(0), Footprint.at(n)
+        for group, (mixture, warps) in zip(self.groups, toward, strict=True):
+            radiance += self._of_group(group, mixture, warps, footprint, n)
+        return radiance
+
+    def _of_group(
+        self, group: LobeGroup, mixture: Mixture, warps: list[LobeWarps], footprint: Footprint, n: mi.Vector3f
+    ) -> mi.Color3f:
         radiance = mi.Color3f(0)
-        footprint = Footprint.at(n)
         points = {is_diffuse: [warp.point(n, is_diffuse) for warp in warps] for is_diffuse in (False, True)}
-        for lobe in self.lobes:
+        for lobe in group.lobes:
             total, weights = mi.Color3f(0), mi.Float(0)
             for stored, weight, warp, p in zip(
                 mixture.views, mixture.weights, warps, points[lobe.is_diffuse], strict=True

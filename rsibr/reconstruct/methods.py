@@ -11,18 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
+from rsibr.bake.layers import layer_of
 from rsibr.bake.manifest import LobeRecord
+from rsibr.bake.map_file import MapFile
 from rsibr.bake.store import Bake
 from rsibr.effects.fit import ProxyLobe
 from rsibr.effects.kernel import LobeKernel
 from rsibr.errors import BakeError, InputError
 from rsibr.geometry.spherical import area_weights, gnomonic_weights
-from rsibr.geometry.viewpoints import from_directions, icosphere
+from rsibr.geometry.viewpoints import Viewpoints, first_views, from_directions, icosphere
 from rsibr.reconstruct.blend import Mix, nearest_mix, triangle_mix
 from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.lobe_albedo import LobeAlbedo
 from rsibr.reconstruct.lobe_model import LobeModel
-from rsibr.reconstruct.lobed import Corrections, LobedMethod, LobeMaps, LobeWarps
+from rsibr.reconstruct.lobed import Corrections, LobedMethod, LobeGroup, LobeMaps, LobeWarps
 from rsibr.reconstruct.method import Cost, MeshMethod, Method
 from rsibr.reconstruct.modelled import FineMethod, ModelledMethod, PrefilteredMethod
 from rsibr.reconstruct.prefiltered import PrefilteredLobes
@@ -87,15 +89,18 @@ class MethodSet:
     def lobed(self, corrections: Corrections) -> LobedMethod:
         """Make the method that warps the lobes apart and knows nothing of the light, with what it does beyond warping.
 
+        Each lobe is interpolated between the views that have a layer of it, which for some lobes may be fewer than all.
+
         Raises
         ------
         BakeError
             If the bake was made with `effects.lobes = "off"`.
         """
-        lobes = []
+        groups: dict[int, list[LobeMaps]] = {}
         for record in self._kept_apart():
-            sources = self._on_device([m.layers[self._layer(record.name)] for m in self._maps])
-            lobes.append(LobeMaps.of(sources, record.alpha, np.array(record.albedo)))
+            images = [self._image(m, record.name) for m in self._seen(record.name)]
+            lobe = LobeMaps.of(self._on_device(images), record.alpha, np.array(record.albedo))
+            groups.setdefault(len(images), []).append(lobe)
         mix = triangle_mix(gnomonic_weights)
         return LobedMethod(
             "rsibr-lobes",
@@ -104,7 +109,7 @@ class MethodSet:
             mix,
             LobeWarps.between,
             self._cost,
-            lobes=lobes,
+            groups=[LobeGroup(self._first_views(count).on_device, lobes) for count, lobes in groups.items()],
             corrections=corrections,
         )
 
@@ -125,8 +130,10 @@ class MethodSet:
             Whether the stored maps say what the model does not; by default unless the bake holds one map alone.
         lobe : str, optional
             Only this lobe's part of the map: its model, and what that leaves unsaid of the lobe's own layer, carried as
-            the whole's is. Model, residual and the carrying of it are linear, so that the parts of all lobes add up to
-            the method; a part may fall below zero.
+            the whole's is, from the views that have one. Model, residual and the carrying of it are linear, so that the
+            parts of all lobes add up to the method, as far as that cuts nothing off, where every view keeps all lobes
+            apart. Where a lobe is done with fewer views, its residual comes from these alone in its part, and from all
+            of them in the method: the parts miss the method by the difference of the two. A part may fall below zero.
 
         Raises
         ------
@@ -157,15 +164,15 @@ class MethodSet:
     ) -> _Modelled:
         """Make a method with a model, and put into its sources what the model leaves unsaid, over the whole albedo."""
         albedo = LobeAlbedo.of(np.sum([np.array(record.albedo) for record in self._lobes], axis=0))
-        common = (self._viewpoints, self._sources, triangle_mix(gnomonic_weights), MirrorWarp.between, self._cost)
+        seen, mix = self._seen(lobe), triangle_mix(gnomonic_weights)
+        common = (self._first_views(len(seen)), self._sources, mix, MirrorWarp.between, self._cost)
         is_part, carries = lobe is not None, self._bake.has_views if uses_maps is None else uses_maps
         title = f"{name}/{lobe}" if is_part else name
         negatives = is_part or self._bake.rendering != "rgb"
         made = kind(title, *common, albedo=albedo, uses_maps=carries, keeps_negatives=negatives, **rest)
         if not carries:
             return made
-        images = [m.radiance if lobe is None else m.layers[self._layer(lobe)] for m in self._maps]
-        residuals = [made.left_over(image, m.frame) for image, m in zip(images, self._maps, strict=True)]
+        residuals = [made.left_over(self._image(m, lobe), m.frame) for m in seen]
         made.sources = self._on_device(residuals)
         return made
 
@@ -173,9 +180,15 @@ class MethodSet:
         """Kernel and directional albedo of each lobe."""
         return {record.name: (lobe_kernel(record), np.array(record.albedo)) for record in self._kept_apart()}
 
-    def _layer(self, lobe: str) -> str:
-        """Layer of the maps that holds a lobe: a lone one is not kept apart from the radiance."""
-        return lobe if len(self._lobes) > 1 else "radiance"
+    def _seen(self, lobe: str | None) -> list[MapFile]:
+        """Maps that have a layer of a lobe, the first so many; all for the sum of the lobes."""
+        return self._maps[: {record.name: record.views for record in self._lobes}[lobe]] if lobe else self._maps
+
+    def _image(self, map_file: MapFile, lobe: str | None) -> NDArray[np.float32]:
+        return map_file.layers[layer_of(lobe, self._lobes)] if lobe else map_file.radiance
+
+    def _first_views(self, count: int) -> Viewpoints:
+        return first_views(self._viewpoints, count) if self._bake.has_views else self._viewpoints
 
     @cached_property
     def _stack(self) -> LightStack:
@@ -205,7 +218,9 @@ class MethodSet:
         return kind(name, self._viewpoints, self._sources, mix, warp, self._cost)
 
     def _on_device(self, images: list[NDArray[np.float32]]) -> SourceMaps:
-        coverage, frames = (np.stack([getattr(m, part) for m in self._maps]) for part in ("coverage", "frame"))
+        """Images of the first so many views."""
+        seen = self._maps[: len(images)]
+        coverage, frames = (np.stack([getattr(m, part) for m in seen]) for part in ("coverage", "frame"))
         return SourceMaps.from_arrays(np.stack(images), coverage, frames)
 
 

@@ -265,6 +265,10 @@ class EffectsConfig(_Section):
         Three channels; off: the red one stands for all.
     light_sampling : Switch
         Whether directions are drawn from the light beside those from the BSDF, as a sun needs it.
+    lobe_views : Switch
+        Whether every view keeps all lobes apart. `auto`: a lobe is kept apart in the first so many views of an
+        icosphere that it needs; in the others the lobes that need no more are one layer. Off: no lobe is kept apart in
+        more than the next smaller count of views, 12 or more.
     resolution : Switch
         Whether maps keep all their texels; off: as few a side as the evidence allows, at most half of what was asked
         and no fewer than 32. `auto` lowers them only where the config itself does not set `map.resolution`.
@@ -283,6 +287,7 @@ class EffectsConfig(_Section):
     fresnel: Switch = "auto"
     colour: Switch = "auto"
     light_sampling: Switch = "auto"
+    lobe_views: Switch = "auto"
     resolution: Switch = "auto"
     spectral: Switch = "auto"
     polarisation: Switch = "auto"

@@ -101,7 +101,7 @@ class ProbedScene:
         backend.use()
         self.config = config
         self._environment, self._material = load_environment(config.environment), load_material(config.material)
-        self.plan, probed = planned_scene(config, self._environment, self._material.bsdf(), _SAMPLES)
+        self.plan, probed = planned_scene(_with_all_lobes(config), self._environment, self._material.bsdf(), _SAMPLES)
         split = None if config.effects.lobes == "off" else probed
         with backend.rendering(self.plan.rendering) as self._variant:
             self.integrator = planned_integrator(config, self._environment, self._material, split, self.plan, _SHARP)
@@ -238,6 +238,11 @@ def upper_bound(errors: Sequence[float]) -> float:
     count = len(errors)
     reach = float(student_t.ppf(CONFIDENCE, count - 1)) * math.sqrt(1 / count + 1 / JUDGED)
     return max(0.0, float(np.mean(errors))) + reach * float(np.std(errors, ddof=1))
+
+
+def _with_all_lobes(config: Config) -> Config:
+    """Maps of a probe keep all lobes apart, wherever they are seen from."""
+    return config.model_copy(update={"effects": config.effects.model_copy(update={"lobe_views": "on"})})
 
 
 def _seen_from(like: MapFile, frame: NDArray[np.float64]) -> MapFile:

@@ -34,7 +34,8 @@ class LobeError:
     Attributes
     ----------
     reference, image : ndarray, shape (H, W, 3)
-        Its radiance, and its part in the reconstruction: black where the plan left the lobe out of the bake.
+        Its radiance, and its part in the reconstruction, from the views that keep the lobe apart: black where the plan
+        left the lobe out of the bake.
     rel_mse : Estimate
         Mean of (a_k − b_k)²/(b² + ε) over texels and channels: the squared error of the lobe over the denominator of
         the whole map's relMSE, the reference's noise taken out. Those of all lobes need not add up to the whole's:

@@ -14,6 +14,7 @@ SWITCHES = (
     "view_dependence",
     *("diffuse", "glossy", "clear_coat", "mirror"),
     *("fresnel", "colour", "light_sampling", "resolution"),
+    "lobe_views",
     *("spectral", "polarisation"),
 )
 

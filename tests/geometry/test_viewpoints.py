@@ -5,7 +5,7 @@ import pytest
 
 from rsibr.errors import InputError
 from rsibr.geometry.spherical import gnomonic_weights
-from rsibr.geometry.viewpoints import from_directions, icosphere
+from rsibr.geometry.viewpoints import VIEW_COUNTS, first_views, from_directions, icosphere
 from tests.arrays import to_numpy, unit_vectors, vector
 
 
@@ -26,6 +26,26 @@ def test_icosphere_counts(subdivision, count):
     assert len(views) == count
     assert len(views.triangles) == 20 * 4**subdivision
     assert np.abs(np.linalg.norm(views.directions, axis=1) - 1).max() < 1e-12
+
+
+@pytest.mark.parametrize("subdivision", range(4))
+def test_icospheres_are_nested(subdivision):
+    """Bit for bit, so that a view that two of them share has the same frame, and the same samples of the same seed."""
+    views, finer = icosphere(subdivision), icosphere(subdivision + 1)
+    count = len(views)
+    assert count == VIEW_COUNTS[subdivision]
+    assert np.array_equal(views.directions, finer.directions[:count])
+    first = first_views(finer, count)
+    assert np.array_equal(first.triangles, views.triangles)
+    assert first_views(finer, len(finer)) is finer
+
+
+def test_views_of_ones_own_have_no_first_ones(rng):
+    views = from_directions(unit_vectors(rng, 50))
+    assert first_views(views, 50) is views
+    for count in (12, 13):
+        with pytest.raises(ValueError, match=r"icosphere|not in"):
+            first_views(views, count)
 
 
 @pytest.mark.parametrize("subdivision", range(6))

@@ -11,7 +11,7 @@ from rsibr.geometry.sphere_map import texel_coverage
 from rsibr.geometry.spherical import gnomonic_weights
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.reconstruct.blend import triangle_mix
-from rsibr.reconstruct.lobed import Corrections, LobedMethod, LobeMaps, LobeWarps
+from rsibr.reconstruct.lobed import Corrections, LobedMethod, LobeGroup, LobeMaps, LobeWarps
 from rsibr.reconstruct.method import Cost
 from rsibr.reconstruct.methods import MethodSet
 from rsibr.reconstruct.moments import Footprint
@@ -46,7 +46,8 @@ def lobed(spheres, resolution=N, corrections=None):
         lobes.append(LobeMaps.of(sources, alpha, table))
     mix = triangle_mix(gnomonic_weights)
     common = ("rsibr", views, lobes[0].sources, mix, LobeWarps.between, Cost(0.0, 0))
-    return LobedMethod(*common, lobes=lobes, corrections=corrections or Corrections())
+    groups = [LobeGroup(views.on_device, lobes)]
+    return LobedMethod(*common, groups=groups, corrections=corrections or Corrections())
 
 
 @pytest.mark.parametrize("view", [[1, 2, 3], [0, 1, 0], [-0.3, 0.2, -0.9]])
