@@ -38,7 +38,7 @@ from rsibr.bake.planning import (
 from rsibr.bake.sampling import Sampler
 from rsibr.bake.store import Bake, BakeWriter, open_bake
 from rsibr.effects.adaptation import adapted_lobes
-from rsibr.effects.light import DELTA_RESOLUTION, RESOLUTION, light_map
+from rsibr.effects.light import Light, light_of
 from rsibr.effects.lobes import Lobe
 from rsibr.effects.plan import Plan
 from rsibr.effects.plan_costs import priced
@@ -139,17 +139,16 @@ def bake(
 
         with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer:
             if not writer.has_light:
-                writer.commit_light(light_of(environment, lobes, plan))
+                writer.commit_light(planned_light(environment, lobes, plan))
             _bake_views(writer, sampler, on_progress)
             writer.record_plan(priced(plan, baked_costs(writer.manifest, len(all_around)), asked))
     return open_bake(Path(out))
 
 
-def light_of(environment: Environment, lobes: Sequence[Lobe], plan: Plan) -> NDArray[np.float32]:
+def planned_light(environment: Environment, lobes: Sequence[Lobe], plan: Plan) -> Light:
     """The light that models are made from; an image is RGB from the start, whatever the maps are rendered in."""
-    resolution = DELTA_RESOLUTION if any(lobe.is_mirror for lobe in lobes) else RESOLUTION
     with backend.rendering("rgb" if environment.width else plan.rendering):
-        return light_map(environment.emitter(), environment.width, resolution)
+        return light_of(environment, with_image=any(lobe.is_mirror for lobe in lobes))
 
 
 def plan_manifest(

@@ -17,6 +17,7 @@ from rsibr.bake.light_file import LIGHT_NAME, decode_light
 from rsibr.bake.manifest import MANIFEST_NAME, Manifest, read_manifest
 from rsibr.bake.map_file import MapFile, decode_map
 from rsibr.bake.writer import BakeWriter
+from rsibr.effects.light import Light
 from rsibr.errors import BakeError
 
 __all__ = ["Bake", "BakeWriter", "open_bake"]
@@ -112,8 +113,8 @@ class Bake:
         return decode_map(_content(file, state.sha256), where=str(file))
 
     @cached_property
-    def light(self) -> NDArray[np.float32]:
-        """The light that the model of each lobe is made from, shape (R, R, 3); see `rsibr.effects.light`.
+    def light(self) -> Light:
+        """The light that the model of each lobe is made from.
 
         Raises
         ------

@@ -11,7 +11,6 @@ from typing import Self
 
 import numpy as np
 from filelock import FileLock
-from numpy.typing import NDArray
 
 from rsibr.bake.atomic import checksum, is_leftover, unwritable, write_atomic
 from rsibr.bake.difference import differences
@@ -29,6 +28,7 @@ from rsibr.bake.manifest import (
 )
 from rsibr.bake.map_file import MapFile, write_map
 from rsibr.bake.noise import map_noise
+from rsibr.effects.light import Light
 from rsibr.effects.plan import Plan
 from rsibr.errors import BakeError
 
@@ -137,13 +137,8 @@ class BakeWriter:
         """Whether the light is stored already."""
         return self.manifest.light is not None
 
-    def commit_light(self, light: NDArray[np.float32]) -> None:
+    def commit_light(self, light: Light) -> None:
         """Store the light, for good.
-
-        Parameters
-        ----------
-        light : ndarray, shape (R, R, 3), float32
-            See `rsibr.effects.light.light_map`.
 
         Raises
         ------

@@ -1,8 +1,9 @@
-"""The distant light as one octahedral picture: what the model of a lobe is blurred from."""
+"""The distant light as a bake keeps it: what the model of a lobe is made from."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import Any
 
 import drjit as dr
@@ -12,18 +13,64 @@ from numpy.typing import NDArray
 
 from rsibr.effects.wavelengths import Wavelengths
 from rsibr.geometry.octahedral import texel_directions
+from rsibr.scene.environment import Environment
 
 RESOLUTION = 512
 """Texels a side: 0.4° each, as fine as an environment map of 1024 × 512."""
 
 DELTA_RESOLUTION = 1024
-"""Texels a side for a material with a delta lobe, which blurs nothing."""
+"""Texels a side for a material with a delta lobe, which blurs nothing, where the environment is no image itself."""
+
+_LEAST_COLUMNS = 2
+"""Columns of an image, and one row more, below which Mitsuba shows another than was given: it resamples it."""
 
 _WAVELENGTHS = 64
 """Points of the sum over wavelengths, four wavelengths each: 2 nm apart."""
 
 _POINTS = 3  # a side and texel at least, and so many a side and texel of the environment's
 _MOST_POINTS = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """What a bake keeps of its environment.
+
+    Attributes
+    ----------
+    picture : ndarray, shape (R, R, 3), float32
+        Mean radiance [W sr⁻¹ m⁻²] over octahedral texels; see `light_map`. What wide lobes are blurred from.
+    image : ndarray, shape (H, W, 3), float32, or None
+        The environment's own latitude–longitude image, for a delta lobe shows every texel of it: column i at
+        u = (i+½)/W, row j at v = j/(H−1). None where there is no delta lobe, or no image.
+    frame : ndarray, shape (3, 3)
+        Axes of the image in world coordinates: +Y is up in it, and its column u = 0 lies at −Z.
+    """
+
+    picture: NDArray[np.float32]
+    image: NDArray[np.float32] | None = None
+    frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+
+    @property
+    def nbytes(self) -> int:
+        """Size in memory [bytes]."""
+        return self.picture.nbytes + (0 if self.image is None else self.image.nbytes)
+
+
+def light_of(environment: Environment, with_image: bool) -> Light:
+    """Look at an environment from all sides.
+
+    Parameters
+    ----------
+    environment : Environment
+        Of the bake; RGB, or in the variant that is set.
+    with_image : bool
+        Whether its image is wanted as it is, or in place of one that it does not have a finer picture.
+    """
+    image, frame = (environment.image, environment.frame) if with_image else (None, None)
+    if image is not None and frame is not None and min(image.shape[0] - 1, image.shape[1]) >= _LEAST_COLUMNS:
+        return Light(light_map(environment.emitter(), environment.width), image, frame)
+    resolution = DELTA_RESOLUTION if with_image else RESOLUTION
+    return Light(light_map(environment.emitter(), environment.width, resolution))
 
 
 def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUTION) -> NDArray[np.float32]:

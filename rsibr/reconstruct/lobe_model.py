@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.effects.kernel import Gaussians, LobeKernel
+from rsibr.effects.light import Light
 from rsibr.effects.proxy import COAT_IOR, refracted, schlick, transmitted
 from rsibr.geometry.resident import resident
 from rsibr.reconstruct.light_stack import LightStack
-from rsibr.reconstruct.mirrored import mean_over_texel
+from rsibr.reconstruct.mirrored import ROUGH, MirroredLight
 from rsibr.reconstruct.polar_grid import PolarGrid
 from rsibr.reconstruct.streak import Slant, Streak, spreads_of_lookups
 
@@ -77,8 +78,10 @@ class LobeModel:
     ----------
     light : LightStack
         The light; of a matte lobe its irradiance, in one level.
-    is_matte, is_mirror : bool
-        Whether the lobe follows the normal; whether it is a delta.
+    mirrored : MirroredLight or None
+        The light as a delta lobe shows it; None for any other.
+    is_matte : bool
+        Whether the lobe follows the normal.
     alpha : mi.Float
         Roughness that masking and shadowing go by.
     narrow : Rows
@@ -90,8 +93,8 @@ class LobeModel:
     """
 
     light: LightStack
+    mirrored: MirroredLight | None
     is_matte: bool
-    is_mirror: bool
     alpha: mi.Float
     narrow: Rows
     bare: Rows
@@ -99,7 +102,7 @@ class LobeModel:
     spreads: mi.Float
 
     @classmethod
-    def of(cls, kernel: LobeKernel, stack: LightStack, light: NDArray[np.float32]) -> LobeModel:
+    def of(cls, kernel: LobeKernel, stack: LightStack, light: Light, density: float = ROUGH) -> LobeModel:
         """Put a lobe's kernel on the device.
 
         Parameters
@@ -108,15 +111,17 @@ class LobeModel:
             Its shape.
         stack : LightStack
             The light, blurred.
-        light : ndarray, shape (R, R, 3)
+        light : Light
             The same light, as it is.
+        density : float
+            How finely a delta lobe looks; see `MirroredLight`.
         """
         narrow = kernel.bare.between(0, WIDE)
         widths = np.stack([narrow.sigmas, *[np.zeros_like(narrow.sigmas)] * 2], axis=1)
         return cls(
-            light=LightStack.irradiance(light, kernel.matte) if kernel.is_matte else stack,
+            light=LightStack.irradiance(light.picture, kernel.matte) if kernel.is_matte else stack,
+            mirrored=MirroredLight.of(light, stack, density) if kernel.is_mirror else None,
             is_matte=kernel.is_matte,
-            is_mirror=kernel.is_mirror,
             alpha=dr.opaque(mi.Float, kernel.alpha),
             narrow=Rows.of(widths, narrow.plain, narrow.grazing),
             bare=_quadrature(kernel.bare.between(WIDE, np.inf)),
@@ -144,6 +149,8 @@ class LobeModel:
         """
         if self.is_matte:
             return self.light.fetch(n, mi.UInt32(0))
+        if self.mirrored is not None:
+            return self.mirrored.fetch(2 * dr.dot(n, v) * n - v)
         slant = Slant.of(n, v)
         return _ratio(_sum(self._gathered_narrow(slant, mi.Float(0)), self._gathered_wide(slant)))
 
@@ -172,8 +179,8 @@ class LobeModel:
         """
         if self.is_matte:
             return self.light.fetch(frame @ n, mi.UInt32(0))
-        if self.is_mirror:
-            return mean_over_texel(n, frame, spacing, self.light, lambda _cosine: mi.Color3f(1))
+        if self.mirrored is not None:
+            return self.mirrored.mean_over_texel(n, frame, spacing, lambda _cosine: mi.Color3f(1))
         slant = Slant.of(frame @ n, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
         gathered = self._gathered_narrow(slant, spacing)
         return _ratio(gathered if grid is None else _sum(gathered, grid.lookup(n)))

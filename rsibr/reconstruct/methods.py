@@ -26,6 +26,7 @@ from rsibr.reconstruct.lobe_albedo import LobeAlbedo
 from rsibr.reconstruct.lobe_model import LobeModel
 from rsibr.reconstruct.lobed import Corrections, LobedMethod, LobeGroup, LobeMaps, LobeWarps
 from rsibr.reconstruct.method import Cost, MeshMethod, Method
+from rsibr.reconstruct.mirrored import EXACT, ROUGH
 from rsibr.reconstruct.modelled import FineMethod, ModelledMethod, PrefilteredMethod
 from rsibr.reconstruct.prefiltered import PrefilteredLobes
 from rsibr.reconstruct.sources import SourceMaps
@@ -117,8 +118,8 @@ class MethodSet:
         """Make the method `rsibr-fine`, its model alone, or the part of one lobe; see `prefiltered`."""
         kernels = self._kernels()
         chosen = kernels.values() if lobe is None else [kernels[lobe]]
-        stack, light = self._stack, self._bake.light
-        lobes = [(LobeModel.of(kernel, stack, light), LobeAlbedo.of(albedo)) for kernel, albedo in chosen]
+        stack, light, density = self._stack, self._bake.light, self._mirror_density(uses_maps)
+        lobes = [(LobeModel.of(kernel, stack, light, density), LobeAlbedo.of(albedo)) for kernel, albedo in chosen]
         return self._with_residuals(FineMethod, "rsibr-fine", lobe, uses_maps, lobes=lobes)
 
     def prefiltered(self, *, uses_maps: bool | None = None, lobe: str | None = None) -> PrefilteredMethod:
@@ -143,6 +144,7 @@ class MethodSet:
             If there is no such lobe.
         """
         kernels, stack, light = self._kernels(), self._stack, self._bake.light
+        density = self._mirror_density(uses_maps)
         lobes, part = list(kernels.values()), None if lobe is None else kernels[lobe][0]
 
         @cache
@@ -155,7 +157,7 @@ class MethodSet:
             "rsibr",
             lobe,
             uses_maps,
-            prefilter=lambda resolution: PrefilteredLobes.of(lobes, stack, light, resolution, part),
+            prefilter=lambda resolution: PrefilteredLobes.of(lobes, stack, light, resolution, part, density),
             by_itself=by_itself,
         )
 
@@ -166,7 +168,7 @@ class MethodSet:
         albedo = LobeAlbedo.of(np.sum([np.array(record.albedo) for record in self._lobes], axis=0))
         seen, mix = self._seen(lobe), triangle_mix(gnomonic_weights)
         common = (self._first_views(len(seen)), self._sources, mix, MirrorWarp.between, self._cost)
-        is_part, carries = lobe is not None, self._bake.has_views if uses_maps is None else uses_maps
+        is_part, carries = lobe is not None, self._carries(uses_maps)
         title = f"{name}/{lobe}" if is_part else name
         negatives = is_part or self._bake.rendering != "rgb"
         made = kind(title, *common, albedo=albedo, uses_maps=carries, keeps_negatives=negatives, **rest)
@@ -175,6 +177,12 @@ class MethodSet:
         residuals = [made.left_over(self._image(m, lobe), m.frame) for m in seen]
         made.sources = self._on_device(residuals)
         return made
+
+    def _carries(self, uses_maps: bool | None) -> bool:
+        return self._bake.has_views if uses_maps is None else uses_maps
+
+    def _mirror_density(self, uses_maps: bool | None) -> float:
+        return ROUGH if self._carries(uses_maps) else EXACT
 
     def _kernels(self) -> dict[str, tuple[LobeKernel, NDArray[np.float64]]]:
         """Kernel and directional albedo of each lobe."""
@@ -192,7 +200,7 @@ class MethodSet:
 
     @cached_property
     def _stack(self) -> LightStack:
-        return LightStack.of(self._bake.light)
+        return LightStack.of(self._bake.light.picture)
 
     def _kept_apart(self) -> tuple[LobeRecord, ...]:
         if not self._lobes:

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.effects.kernel import LobeKernel
+from rsibr.effects.light import Light
 from rsibr.geometry.facet_map import facet_point
 from rsibr.reconstruct.angle_table import AngleTable
 from rsibr.reconstruct.facet_pyramid import balance, finest_resolution, gathered, lookup
 from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.lobe_weights import LobeWeights, albedo_at_nodes, lobe_weights
-from rsibr.reconstruct.mirrored import mean_over_texel
+from rsibr.reconstruct.mirrored import ROUGH, MirroredLight
 from rsibr.reconstruct.streak import Slant, Streak
 
 Array = NDArray[np.float64]
@@ -36,8 +37,8 @@ class PrefilteredLobes:
         Factors on the pyramid's sum; see `facet_pyramid.balance`.
     sharp : AngleTable or None
         Weight and width of what is narrower than the first level, deltas aside; None where nothing is.
-    mirror : AngleTable or None
-        Albedo of a delta lobe; None where there is none.
+    mirror : (MirroredLight, AngleTable) or None
+        The light as a delta lobe shows it, and the albedo of that; None where there is none.
     matte : list of (LightStack, AngleTable)
         Irradiance and albedo of each matte lobe.
     """
@@ -47,7 +48,7 @@ class PrefilteredLobes:
     levels: list[AngleTable]
     balance: mi.Float
     sharp: AngleTable | None
-    mirror: AngleTable | None
+    mirror: tuple[MirroredLight, AngleTable] | None
     matte: list[tuple[LightStack, AngleTable]]
 
     @classmethod
@@ -55,9 +56,10 @@ class PrefilteredLobes:
         cls,
         lobes: list[tuple[LobeKernel, Array]],
         stack: LightStack,
-        light: NDArray[np.float32],
+        light: Light,
         resolution: int,
         part: LobeKernel | None = None,
+        density: float = ROUGH,
     ) -> PrefilteredLobes:
         """Prepare the lobes for sphere maps of N×N texels.
 
@@ -66,11 +68,13 @@ class PrefilteredLobes:
         lobes : list of (LobeKernel, ndarray of shape (albedo nodes, 3))
             Kernel and directional albedo of each.
         stack, light
-            The light, blurred; and as it is, shape (R, R, 3).
+            The light, blurred; and as it is.
         resolution : int
             N.
         part : LobeKernel, optional
             The one of `lobes` to take alone; the parts of all add up to the whole.
+        density : float
+            How finely a delta lobe looks; see `MirroredLight`.
         """
         finest = finest_resolution(resolution)
         glossy = [lobe for lobe in lobes if not lobe[0].is_matte and not lobe[0].is_mirror]
@@ -82,9 +86,11 @@ class PrefilteredLobes:
             levels=_tables(weights) if glossy else [],
             balance=balance(_tables(whole), finest) if glossy else mi.Float(0),  # of all parts, so that they add up
             sharp=AngleTable.of(weights.sharp) if weights.has_sharp else None,
-            mirror=AngleTable.of(albedo_at_nodes(mirrors[0])) if mirrors else None,
+            mirror=(MirroredLight.of(light, stack, density), AngleTable.of(albedo_at_nodes(mirrors[0])))
+            if mirrors
+            else None,
             matte=[
-                (LightStack.irradiance(light, kernel.matte), AngleTable.of(albedo_at_nodes(albedo)))
+                (LightStack.irradiance(light.picture, kernel.matte), AngleTable.of(albedo_at_nodes(albedo)))
                 for kernel, albedo in lobes
                 if kernel.is_matte and part in (None, kernel)
             ],
@@ -117,8 +123,8 @@ class PrefilteredLobes:
         for irradiance, albedo in self.matte:
             radiance += _colour(albedo.at(n.z)) * irradiance.fetch(world, mi.UInt32(0))
         if self.mirror is not None:
-            albedo = self.mirror
-            radiance += mean_over_texel(n, frame, spacing, self.light, lambda cosine: _colour(albedo.at(cosine)))
+            mirrored, share = self.mirror
+            radiance += mirrored.mean_over_texel(n, frame, spacing, lambda cosine: _colour(share.at(cosine)))
         if self.sharp is None:
             return radiance
         weight = self.sharp.at(n.z)

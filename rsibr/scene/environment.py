@@ -35,6 +35,9 @@ RADIANCE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
 BRIGHTEST_SUM = 1e38
 """Sum of an image's values beyond which the float32 table that Mitsuba samples an envmap by overflows."""
 
+_ROTATION = 1e-6
+"""Difference up to which a matrix is a rotation, or a reflection."""
+
 FAINTEST_SUM = 1e-30
 """Sum below which that table cannot be normalised: the density of an all-black envmap is NaN."""
 
@@ -70,6 +73,12 @@ class Environment:
     def width(self) -> int:
         """Columns of the map; 0 for an emitter that is none."""
         return 0 if self.image is None else self.image.shape[1]
+
+    @property
+    def frame(self) -> NDArray[np.float64] | None:
+        """Axes of the map in world coordinates, shape (3, 3); None where `to_world` does more than turn it."""
+        turn = np.array(self.plugin.get("to_world", np.eye(4)), dtype=np.float64)[:3, :3]
+        return turn if np.allclose(turn @ turn.T, np.eye(3), rtol=0.0, atol=_ROTATION) else None
 
     @property
     def is_black(self) -> bool:

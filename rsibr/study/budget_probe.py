@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
 from rsibr import backend
-from rsibr.bake.baker import bake_view, light_of, plan_manifest
+from rsibr.bake.baker import bake_view, plan_manifest, planned_light
 from rsibr.bake.blocks import block_sizes
 from rsibr.bake.integrator import SphereIntegrator
 from rsibr.bake.manifest import ProbeRecord, SamplingRecord
@@ -27,6 +27,7 @@ from rsibr.bake.noise import COVERED, denominator
 from rsibr.bake.planning import planned_integrator, planned_scene, planned_viewpoints
 from rsibr.bake.store import Bake
 from rsibr.effects.adaptation import adapted_lobes
+from rsibr.effects.light import Light
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.viewpoints import Viewpoints, from_directions, icosphere
 from rsibr.reconstruct.methods import MethodSet
@@ -69,23 +70,23 @@ class ProbeBake(Bake):
     ----------
     maps : tuple of MapFile
         One of each view of the manifest.
-    sky : ndarray
+    kept : Light
         The light; see `Bake.light`.
     """
 
     maps: tuple[MapFile, ...] = ()
-    sky: NDArray[np.float32] | None = None
+    kept: Light | None = None
 
     def map(self, index: int) -> MapFile:
         """See `Bake.map`."""
         return self.maps[index]
 
     @cached_property
-    def light(self) -> NDArray[np.float32]:
+    def light(self) -> Light:
         """See `Bake.light`."""
-        if self.sky is None:
+        if self.kept is None:
             raise ValueError("a probe has its light")
-        return self.sky
+        return self.kept
 
 
 class ProbedScene:
@@ -106,7 +107,7 @@ class ProbedScene:
         with backend.rendering(self.plan.rendering) as self._variant:
             self.integrator = planned_integrator(config, self._environment, self._material, split, self.plan, _SHARP)
         self._lobes = adapted_lobes(split, self._environment, self._material, self.plan.rendering) if split else ()
-        self._light = light_of(self._environment, self._lobes, self.plan)
+        self._light = planned_light(self._environment, self._lobes, self.plan)
         self._drawn = 0
         self._truths: dict[int, tuple[list[NDArray[np.float32]], ...]] = {}
 

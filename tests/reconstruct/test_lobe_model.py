@@ -6,6 +6,7 @@ import pytest
 
 from rsibr.effects.fit import ProxyLobe
 from rsibr.effects.kernel import LobeKernel
+from rsibr.effects.light import Light
 from rsibr.effects.proxy import LAMBERT
 from rsibr.geometry.frame import view_frame
 from rsibr.reconstruct.light_stack import LightStack
@@ -29,13 +30,13 @@ KERNELS = {
 @pytest.fixture(scope="module")
 def light():
     image = picture(soft_sky, 256)
-    return LightStack.of(image), image
+    return LightStack.of(image), Light(image)
 
 
 @pytest.fixture(scope="module")
 def even():
     image = np.full((64, 64, 3), 2.5, np.float32)
-    return LightStack.of(image), image
+    return LightStack.of(image), Light(image)
 
 
 def at_points(kernel, light, n, v):

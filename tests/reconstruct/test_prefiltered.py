@@ -7,6 +7,7 @@ import pytest
 from rsibr.effects.albedo import node_cosines
 from rsibr.effects.fit import ProxyLobe
 from rsibr.effects.kernel import LobeKernel
+from rsibr.effects.light import Light
 from rsibr.effects.proxy import LAMBERT
 from rsibr.geometry.frame import view_frame
 from rsibr.reconstruct.light_stack import LightStack
@@ -31,7 +32,7 @@ KERNELS = {
 @pytest.fixture(scope="module")
 def light():
     image = picture(soft_sky, 256)
-    return LightStack.of(image), image
+    return LightStack.of(image), Light(image)
 
 
 def radiance(lobes, light, n, resolution=N):
@@ -45,7 +46,7 @@ def of_even_light(names, n):
     image = np.full((64, 64, 3), 2.5, np.float32)
     shares = np.array([[0.7, 0.4, 0.1], [0.04, 0.05, 0.06], [0.3, 0.2, 0.5]])[: len(names)]
     lobes = [(KERNELS[name], share * ONE) for name, share in zip(names, shares, strict=True)]
-    return radiance(lobes, (LightStack.of(image), image), n) / (2.5 * shares.sum(axis=0))
+    return radiance(lobes, (LightStack.of(image), Light(image)), n) / (2.5 * shares.sum(axis=0))
 
 
 @pytest.mark.parametrize("names", [["mirror"], ["metal"], ["coated"], ["matte"], ["matte", "mirror", "coated"]])
@@ -67,7 +68,7 @@ def test_an_albedo_of_the_angle_is_followed(rng):
     image = np.ones((64, 64, 3), np.float32)
     table = (0.05 + 0.95 * (1 - node_cosines()) ** 5)[:, None] * ONE
     n = disk_normals(rng, 2000, 0.995)
-    found = radiance([(KERNELS["metal"], table)], (LightStack.of(image), image), n)[:, 0]
+    found = radiance([(KERNELS["metal"], table)], (LightStack.of(image), Light(image)), n)[:, 0]
     exact = 0.05 + 0.95 * (1 - n[:, 2]) ** 5
     assert np.abs(found / exact - 1).max() < 0.02
     assert np.abs(found / exact - 1).mean() < 4e-3

@@ -7,6 +7,7 @@ import pytest
 from rsibr.effects.albedo import node_cosines
 from rsibr.effects.fit import ProxyLobe
 from rsibr.effects.kernel import LobeKernel
+from rsibr.effects.light import Light
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.sphere_map import texel_coverage
 from rsibr.geometry.spherical import gnomonic_weights
@@ -43,13 +44,13 @@ def modelled(kind, light):
     stack = LightStack.of(light)
     common = ("test", views, maps(stored, frames), triangle_mix(gnomonic_weights), MirrorWarp.between, Cost(0.0, 0))
     if kind == "fine":
-        model = LobeModel.of(METAL, stack, light)
+        model = LobeModel.of(METAL, stack, Light(light))
         made = FineMethod(*common, albedo=LobeAlbedo.of(ALBEDO), lobes=[(model, LobeAlbedo.of(ALBEDO))])
     else:
         made = PrefilteredMethod(
             *common,
             albedo=LobeAlbedo.of(ALBEDO),
-            prefilter=lambda resolution: PrefilteredLobes.of([(METAL, ALBEDO)], stack, light, resolution),
+            prefilter=lambda resolution: PrefilteredLobes.of([(METAL, ALBEDO)], stack, Light(light), resolution),
             by_itself=lambda: modelled("fine", light),
         )
     made.sources = maps([made.left_over(m, f) for m, f in zip(stored, frames, strict=True)], frames)
