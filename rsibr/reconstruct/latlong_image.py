@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.resident import resident
-from rsibr.reconstruct.texel import packed, unpacked
+from rsibr.reconstruct.texel import bilinear, packed
 
 
 @dataclass(eq=False)
@@ -52,12 +52,4 @@ class LatLongImage:
         left, top = dr.minimum(mi.UInt32(column), self.width - 1), dr.minimum(mi.UInt32(row), self.height - 1)
         rightward, downward = column - mi.Float(left), row - mi.Float(top)
         corner = dr.fma(top, self.width + 1, left)
-
-        def between(index: mi.UInt32) -> mi.Color3f:
-            (one, one_scale), (other, other_scale) = self._texel(index), self._texel(index + 1)
-            return one * ((1 - rightward) * one_scale) + other * (rightward * other_scale)
-
-        return dr.lerp(between(corner), between(corner + self.width + 1), downward)
-
-    def _texel(self, index: mi.UInt32) -> tuple[mi.Color3f, mi.Float]:
-        return unpacked(dr.reinterpret_array(mi.Vector2u, dr.gather(mi.Vector2f, self.texels, index)))
+        return bilinear(self.texels, corner, self.width + 1, rightward, downward)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rsibr.geometry.frame import frame_of
 from rsibr.geometry.octahedral import bordered, square_from_direction, texel_directions, texel_solid_angles
 from rsibr.geometry.resident import resident
-from rsibr.reconstruct.texel import packed, unpacked
+from rsibr.reconstruct.texel import bilinear, packed
 
 WIDEST = 1.3
 """Standard deviation [rad] of the most blurred level: wider ones all but hold the mean."""
@@ -141,15 +141,7 @@ class LightStack:
         rightward, downward = column - mi.Float(left), row - mi.Float(top)
         stride = resolution + 2
         corner = dr.fma(top, stride, left) + start
-
-        def between(offset: mi.UInt32 | int) -> mi.Color3f:
-            (one, one_scale), (other, other_scale) = self._texel(corner + offset), self._texel(corner + offset + 1)
-            return one * ((1 - rightward) * one_scale) + other * (rightward * other_scale)
-
-        return dr.lerp(between(0), between(stride), downward)
-
-    def _texel(self, index: mi.UInt32) -> tuple[mi.Color3f, mi.Float]:
-        return unpacked(dr.reinterpret_array(mi.Vector2u, dr.gather(mi.Vector2f, self.texels, index)))
+        return bilinear(self.texels, corner, stride, rightward, downward)
 
     def _level(self, width: mi.Float) -> mi.Float:
         return 2 * dr.log2(dr.maximum(width, 1e-9) / self.finest) + 1

@@ -60,3 +60,28 @@ def unpacked(words: mi.Vector2u) -> tuple[mi.Color3f, mi.Float]:
     tops = words.x, words.y << 4, (words.x << 18) | (words.y >> 14)
     scale = dr.reinterpret_array(mi.Float, words.y << 22)  # the exponent's place in a float32; what is above falls out
     return mi.Color3f(*(mi.Float(mi.Int32(top) >> 14) for top in tops)), scale
+
+
+def bilinear(
+    texels: mi.Float, corner: mi.UInt32, stride: mi.UInt32, rightward: mi.Float, downward: mi.Float
+) -> mi.Color3f:
+    """Look up between four texels of an image.
+
+    Parameters
+    ----------
+    texels : mi.Float
+        Two words a texel, flat.
+    corner, stride : mi.UInt32
+        Index of the upper left texel; texels from one row to the next.
+    rightward, downward : mi.Float
+        Where between them, in [0, 1].
+    """
+
+    def fetch(index: mi.UInt32) -> tuple[mi.Color3f, mi.Float]:
+        return unpacked(dr.reinterpret_array(mi.Vector2u, dr.gather(mi.Vector2f, texels, index)))
+
+    def between(left: mi.UInt32) -> mi.Color3f:
+        (one, one_scale), (other, other_scale) = fetch(left), fetch(left + 1)
+        return one * ((1 - rightward) * one_scale) + other * (rightward * other_scale)
+
+    return dr.lerp(between(corner), between(corner + stride), downward)
