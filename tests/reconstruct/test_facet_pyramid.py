@@ -47,8 +47,8 @@ def cap(rng, count, least):
     return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
 
 
-@pytest.mark.parametrize(("n", "expected"), [(16, 80), (192, 80), (256, 96), (512, 192), (4096, 256)])
-def test_its_finest_level_has_three_eighths_of_the_texels_within_bounds(n, expected):
+@pytest.mark.parametrize(("n", "expected"), [(16, 80), (256, 80), (384, 96), (512, 128), (4096, 256)])
+def test_its_finest_level_has_a_quarter_of_the_texels_within_bounds(n, expected):
     assert finest_resolution(n) == expected
 
 
