@@ -32,9 +32,9 @@ _LEAST_HEIGHT = 0.01
 def finest_resolution(resolution: int) -> int:
     """Texels a side of the first level for sphere maps of N×N texels.
 
-    A quarter of N, but not below 80 nor above 256, and a multiple of 16: what is narrower than its texels is looked up
-    in the light itself. Three eighths take a twentieth more time for a whole map, and err more: at 512² by 8 to 100 % in
-    relMSE, on five pairs of a material and a sky.
+    A quarter of N, but not below 80 nor above 256, and a multiple of 16: what is narrower than its texels is looked
+    up in the light itself. Three eighths take a twentieth more time for a whole map, and err more: at 512² by 8 to
+    100 % in relMSE, on five pairs of a material and a sky.
     """
     unit: int = 2 ** (LEVELS - 1)
     least, most = _COARSEST
