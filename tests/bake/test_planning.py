@@ -99,7 +99,7 @@ def test_the_closed_form_of_a_mirror_is_its_map_under_a_real_sky(tmp_path, sky):
     path = tmp_path / "mirror.toml"
     file = scenes() / "environments" / f"{sky}.exr"
     config = CONFIG.replace("{bsdf}", "{type = 'conductor', material = 'Ag'}").replace("sky.exr", str(file))
-    path.write_text(config.replace("= 16", "= 48").replace("= 64", "= 256"))
+    path.write_text(config.replace("= 16", "= 128").replace("= 64", "= 512"))
     gated, ungated = baked(path, "gated"), baked(path, "ungated", ALL_AROUND, "sampling.seed=8")
     assert not gated.has_views
     levels, errors, noise = [], [], []
