@@ -66,11 +66,12 @@ def light_of(environment: Environment, with_image: bool) -> Light:
     with_image : bool
         Whether its image is wanted as it is, or in place of one that it does not have a finer picture.
     """
-    image, frame = (environment.image, environment.frame) if with_image else (None, None)
-    if image is not None and frame is not None and min(image.shape[0] - 1, image.shape[1]) >= _LEAST_COLUMNS:
-        return Light(light_map(environment.emitter(), environment.width), image, frame)
-    resolution = DELTA_RESOLUTION if with_image else RESOLUTION
-    return Light(light_map(environment.emitter(), environment.width, resolution))
+    emitter, width, image, frame = environment.emitter(), environment.width, environment.image, environment.frame
+    if not with_image:
+        return Light(light_map(emitter, width))
+    if image is None or frame is None or min(image.shape[0] - 1, image.shape[1]) < _LEAST_COLUMNS:
+        return Light(light_map(emitter, width, DELTA_RESOLUTION))
+    return Light(light_map(emitter, width), image, frame)
 
 
 def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUTION) -> NDArray[np.float32]:

@@ -33,8 +33,7 @@ def finest_resolution(resolution: int) -> int:
     """Texels a side of the first level for sphere maps of N×N texels.
 
     A quarter of N, but not below 80 nor above 256, and a multiple of 16: what is narrower than its texels is looked
-    up in the light itself. Three eighths take a twentieth more time for a whole map, and err more: at 512² by 8 to
-    100 % in relMSE, on five pairs of a material and a sky.
+    up in the light itself. Finer ones take more time, and were not seen to err less.
     """
     unit: int = 2 ** (LEVELS - 1)
     least, most = _COARSEST

@@ -14,10 +14,10 @@ from rsibr.reconstruct.latlong_image import LatLongImage
 from rsibr.reconstruct.light_stack import LightStack
 
 EXACT = 3.0
-"""Points a texel of an image and a side, head-on, where a mirror has nothing but its closed form: relMSE below 5e-6."""
+"""Points a texel of an image and a side, head-on, where a mirror has nothing but its closed form."""
 
 ROUGH = 1.0
-"""The same where stored maps say what is left of it: below 3e-4, in a seventh of the time."""
+"""The same where stored maps say what is left of it: a ninth of the points."""
 
 _MOST = 64  # points a side of a texel
 _FEWEST = 2
