@@ -15,10 +15,10 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsibr.bake.store import open_bake as open_bake
     from rsibr.reconstruct.methods import METHODS as METHODS
     from rsibr.reconstruct.reconstruction import reconstruct as reconstruct
     from rsibr.scene.config import load_config as load_config
+    from rsibr.store.bake import open_bake as open_bake
     from rsibr.study.budget import bake as bake
     from rsibr.study.budget import plan as plan
     from rsibr.study.runner import study as study
@@ -32,7 +32,7 @@ _HOME = {
     "bake": "rsibr.study.budget",
     "check": "rsibr.validate.check",
     "load_config": "rsibr.scene.config",
-    "open_bake": "rsibr.bake.store",
+    "open_bake": "rsibr.store.bake",
     "plan": "rsibr.study.budget",
     "reconstruct": "rsibr.reconstruct.reconstruction",
     "study": "rsibr.study.runner",

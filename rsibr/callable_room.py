@@ -9,7 +9,7 @@ from typing import Any
 
 
 def make_callable(room: str, home: str, function: str) -> None:
-    """Let a package be called: `rsibr.bake(…)` is the function, and `rsibr.bake.store` a module in the package.
+    """Let a package be called: `rsibr.bake(…)` is the function, and `rsibr.store.bake` a module in the package.
 
     Both names mean the same object, whichever was imported first: Python binds a package to its parent when it is
     imported, over anything else of that name.

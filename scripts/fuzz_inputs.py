@@ -17,8 +17,6 @@ from typing import Any
 import numpy as np
 import OpenEXR
 
-from rsibr.bake.manifest import canonical, checksum
-from rsibr.bake.store import open_bake
 from rsibr.cli import app as command_line
 from rsibr.errors import InputError
 from rsibr.resources import scenes
@@ -26,6 +24,8 @@ from rsibr.scene.config import Config, EnvironmentConfig, MaterialConfig, ViewsC
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import PRESETS, load_material
 from rsibr.scene.views import load_viewpoints
+from rsibr.store.bake import open_bake
+from rsibr.store.manifest import canonical, checksum
 
 CONFIG = """[environment]
 emitter = {type = "constant", radiance = 0.5}
@@ -299,7 +299,7 @@ class Inputs:
 
 def stop_short_of_rendering() -> None:
     """Let a command line that is right end where the rendering would begin: that is the tests' business."""
-    from rsibr.bake import baker  # noqa: PLC0415
+    from rsibr.baking import baker  # noqa: PLC0415
     from rsibr.validate import validation  # noqa: PLC0415
 
     def refuse(*_: object, **__: object) -> None:

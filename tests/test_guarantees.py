@@ -6,7 +6,7 @@ import ast
 import re
 from pathlib import Path
 
-from rsibr.bake import health
+from rsibr.store import health
 from rsibr.validate import energy
 
 ROOT = Path(__file__).parents[1]

@@ -27,7 +27,7 @@ def test_an_unknown_name_is_an_attribute_error():
 
 @pytest.mark.parametrize(
     "before",
-    ["pass", "from rsibr.bake.store import open_bake", "import rsibr.validate.metrics", "import rsibr; rsibr.check"],
+    ["pass", "from rsibr.store.bake import open_bake", "import rsibr.validate.metrics", "import rsibr; rsibr.check"],
 )
 def test_functions_can_be_called_whatever_was_imported_before(before):
     names = "rsibr.bake, rsibr.reconstruct, rsibr.validate, rsibr.check"
@@ -35,7 +35,7 @@ def test_functions_can_be_called_whatever_was_imported_before(before):
 
 
 def test_a_room_called_is_its_function():
-    code = "import rsibr.bake.store as s, rsibr\nfrom rsibr.errors import InputError\n"
+    code = "import rsibr.store.bake as s, rsibr\nfrom rsibr.errors import InputError\n"
     code += "try: rsibr.bake('nowhere.toml', out='x')\n"
     code += "except InputError as e: print('nowhere.toml' in str(e), s.open_bake is rsibr.open_bake)"
     assert run(code) == "True True"

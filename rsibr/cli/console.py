@@ -11,8 +11,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 from rich.progress import TimeRemainingColumn as TimeLeftColumn
 
 if TYPE_CHECKING:
-    from rsibr.bake.baker import Progress as BakeProgress
-    from rsibr.bake.store import Bake
+    from rsibr.baking.baker import Progress as BakeProgress
+    from rsibr.store.bake import Bake
 
 console = Console(stderr=True, highlight=False, markup=False)
 

@@ -19,7 +19,7 @@ def demo(
     json_output: Json = False,
 ) -> None:
     """Bake a car paint under a real sky, reconstruct novel views, compare with path tracing, write a report."""
-    from rsibr.bake.baker import bake
+    from rsibr.baking.baker import bake
     from rsibr.cli.console import bake_progress, console, note_peculiarities, step_progress
     from rsibr.resources import configs
     from rsibr.validate.validation import validate

@@ -24,7 +24,7 @@ def plan(
     json_output: Json = False,
 ) -> None:
     """Say which effects a scene calls for, with evidence, cost, and the error of leaving each out. Bakes nothing."""
-    from rsibr.bake.plan_document import PlanDocument
+    from rsibr.baking.plan_document import PlanDocument
     from rsibr.cli.promises import chosen_lines
     from rsibr.scene.config import load_config
     from rsibr.study.budget import planned

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsibr.bake.manifest import BudgetRecord, Manifest, SamplingRecord
+    from rsibr.store.manifest import BudgetRecord, Manifest, SamplingRecord
 
 
 def promises(manifest: Manifest) -> dict[str, Any]:

@@ -11,6 +11,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+LEAST_COVERAGE = 1e-3
+"""Texels with less of their area in the disk count as outside a stored map: points in them are slow to find."""
+
 TILE_WIDTH, TILE_HEIGHT = 16, 64
 """Texels a side (at most, for the height) of the tiles in which whole maps are worked through, row by row.
 
@@ -203,6 +206,23 @@ def texel_coverage(resolution: int) -> NDArray[np.float64]:
     share[farthest <= 1.0] = 1.0
     share[share < 1e-9] = 0.0  # rounding of texels that touch the disk in a point, if at all
     return share
+
+
+def stored_coverage(resolution: int) -> NDArray[np.float32]:
+    """Coverage of each texel as a stored map has it: `texel_coverage`, and 0 below `LEAST_COVERAGE`.
+
+    Parameters
+    ----------
+    resolution : int
+        N, texels a side.
+
+    Returns
+    -------
+    ndarray, shape (N, N), float32
+        Share of each texel inside the disk.
+    """
+    exact = texel_coverage(resolution)
+    return np.where(exact < LEAST_COVERAGE, 0, exact).astype(np.float32)
 
 
 def _signed_disk_area(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:

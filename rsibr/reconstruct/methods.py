@@ -11,10 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
-from rsibr.bake.layers import layer_of
-from rsibr.bake.manifest import LobeRecord
-from rsibr.bake.map_file import MapFile
-from rsibr.bake.store import Bake
 from rsibr.effects.fit import ProxyLobe
 from rsibr.effects.kernel import LobeKernel
 from rsibr.errors import BakeError, InputError
@@ -31,6 +27,10 @@ from rsibr.reconstruct.modelled import FineMethod, ModelledMethod, PrefilteredMe
 from rsibr.reconstruct.prefiltered import PrefilteredLobes
 from rsibr.reconstruct.sources import SourceMaps
 from rsibr.reconstruct.warp import WARPS, MirrorWarp, NoWarp, WarpBetween
+from rsibr.store.bake import Bake
+from rsibr.store.layers import layer_of
+from rsibr.store.manifest import LobeRecord
+from rsibr.store.map_file import MapFile
 
 _Modelled = TypeVar("_Modelled", bound=ModelledMethod)
 

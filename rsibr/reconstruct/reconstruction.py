@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr import backend
-from rsibr.bake.map_file import MapFile, write_map
-from rsibr.bake.store import Bake, open_bake
 from rsibr.errors import InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.sphere_map import texel_coverage
 from rsibr.reconstruct.method import Method
 from rsibr.reconstruct.methods import MethodSet
+from rsibr.store.bake import Bake, open_bake
+from rsibr.store.map_file import MapFile, write_map
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.bake.store import Bake
 from rsibr.reconstruct.methods import MethodSet
 from rsibr.reconstruct.reconstruction import run
+from rsibr.store.bake import Bake
 from rsibr.study.lobes import mean_lobe_errors
 from rsibr.study.noise import NoisyBake, noise_of, without
 from rsibr.study.plan import BakeSize, Variant

@@ -13,10 +13,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.bake.atomic import checksum
-from rsibr.bake.baker import bake
-from rsibr.bake.manifest import canonical
+from rsibr.baking.baker import bake
 from rsibr.errors import BakeError
+from rsibr.store.atomic import checksum
+from rsibr.store.manifest import canonical
 from rsibr.study.baked import BakedMaps, bake_record
 from rsibr.study.config import JudgeConfig
 from rsibr.study.journal import Journal

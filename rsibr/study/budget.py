@@ -10,16 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from rsibr.bake.baker import Progress
-from rsibr.bake.baker import bake as run_bake
-from rsibr.bake.calibration import map_overhead, sample_seconds
-from rsibr.bake.directory import claim_directory
-from rsibr.bake.forecast import forecast
-from rsibr.bake.manifest import MANIFEST_NAME, BudgetRecord, Manifest, ProbeRecord, SamplingRecord, read_manifest
-from rsibr.bake.store import Bake, BakeWriter, open_bake
+from rsibr.baking.baker import Progress
+from rsibr.baking.baker import bake as run_bake
+from rsibr.baking.calibration import map_overhead, sample_seconds
+from rsibr.baking.forecast import forecast
 from rsibr.effects.plan import Plan
 from rsibr.errors import BakeError, InputError
 from rsibr.scene.config import Config, MapConfig, SamplingConfig, ViewsConfig, load_config
+from rsibr.store.bake import Bake, BakeWriter, open_bake
+from rsibr.store.directory import claim_directory
+from rsibr.store.manifest import MANIFEST_NAME, BudgetRecord, Manifest, ProbeRecord, SamplingRecord, read_manifest
 from rsibr.study.budget_probe import ProbedScene
 from rsibr.study.budget_reached import reached_error
 
@@ -70,7 +70,7 @@ def bake(
     Parameters
     ----------
     config, out, overrides, fresh, on_progress
-        See `rsibr.bake.baker.bake`.
+        See `rsibr.baking.baker.bake`.
 
     Returns
     -------
@@ -100,7 +100,7 @@ def bake(
 
 
 def plan(config: Config | Path | str, *, overrides: Sequence[str] = ()) -> Plan:
-    """Say what a bake would simulate, of the size that its budget would choose; see `rsibr.bake.forecast.plan`."""
+    """Say what a bake would simulate, of the size that its budget would choose; see `rsibr.baking.forecast.plan`."""
     return planned(config if isinstance(config, Config) else load_config(Path(config), overrides))[0]
 
 

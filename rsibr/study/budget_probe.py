@@ -18,14 +18,10 @@ from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
 from rsibr import backend
-from rsibr.bake.baker import bake_view, plan_manifest, planned_light
-from rsibr.bake.blocks import block_sizes
-from rsibr.bake.integrator import SphereIntegrator
-from rsibr.bake.manifest import ProbeRecord, SamplingRecord
-from rsibr.bake.map_file import MapFile
-from rsibr.bake.noise import COVERED, denominator
-from rsibr.bake.planning import planned_integrator, planned_scene, planned_viewpoints
-from rsibr.bake.store import Bake
+from rsibr.baking.baker import bake_view, plan_manifest, planned_light
+from rsibr.baking.blocks import block_sizes
+from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.planning import planned_integrator, planned_scene, planned_viewpoints
 from rsibr.effects.adaptation import adapted_lobes
 from rsibr.effects.light import Light
 from rsibr.geometry.frame import unit_view, view_frame
@@ -36,6 +32,10 @@ from rsibr.scene.config import Config, MapConfig, ViewsConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
 from rsibr.scene.views import load_viewpoints
+from rsibr.store.bake import Bake
+from rsibr.store.manifest import ProbeRecord, SamplingRecord
+from rsibr.store.map_file import MapFile
+from rsibr.store.noise import COVERED, denominator
 
 VIEWS = 10
 """New views of a probe: half in the middle of a triangle of stored ones, the places farthest from them, half random."""

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from rsibr.bake.noise import COVERED, denominator
-from rsibr.bake.store import Bake
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.reconstruct.methods import MethodSet
 from rsibr.reconstruct.reconstruction import run
 from rsibr.scene.config import Config
+from rsibr.store.bake import Bake
+from rsibr.store.noise import COVERED, denominator
 from rsibr.study.budget_probe import METHOD, ProbedScene, new_views
 from rsibr.validate.estimate import Estimate
 

@@ -11,7 +11,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from rsibr import backend
-from rsibr.bake.integrator import SphereIntegrator
+from rsibr.baking.integrator import SphereIntegrator
 from rsibr.effects.lobes import LobeSplit
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import icosphere

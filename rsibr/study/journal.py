@@ -9,10 +9,10 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from rsibr.bake.atomic import checksum, is_leftover, unreadable, unwritable, write_atomic
-from rsibr.bake.directory import entries, make_folder
-from rsibr.bake.manifest import canonical
 from rsibr.errors import BakeError
+from rsibr.store.atomic import checksum, is_leftover, unreadable, unwritable, write_atomic
+from rsibr.store.directory import entries, make_folder
+from rsibr.store.manifest import canonical
 
 LOCK_NAME = ".lock"
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.bake.noise import COVERED
 from rsibr.effects.lobes import LobeSplit
 from rsibr.reconstruct.method import Method
 from rsibr.reconstruct.reconstruction import run
+from rsibr.store.noise import COVERED
 from rsibr.study.results import mean_model
 from rsibr.study.scene import Scene
 from rsibr.study.truth import Arrays, TruthStore

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.bake.map_file import MapFile
-from rsibr.bake.noise import COVERED, denominator
-from rsibr.bake.store import Bake
+from rsibr.store.bake import Bake
+from rsibr.store.map_file import MapFile
+from rsibr.store.noise import COVERED, denominator
 from rsibr.validate.estimate_document import EstimateModel
 from rsibr.validate.reference import Reference
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rsibr.bake.atomic import write_atomic
+from rsibr.store.atomic import write_atomic
 from rsibr.study.document import StudyDocument
 from rsibr.study.page import study_page
 from rsibr.study.results import ErrorRecord, PointRecord, SceneRecord

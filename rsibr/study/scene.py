@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 import rsibr
 from rsibr.backend import Rendering
-from rsibr.bake.atomic import file_checksum
 from rsibr.effects.plan_colour import ColourEffects
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.viewpoints import icosphere
@@ -22,6 +21,7 @@ from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment, load_environment
 from rsibr.scene.material import Material, load_material
 from rsibr.scene.views import load_viewpoints
+from rsibr.store.atomic import file_checksum
 from rsibr.study.config import StudyConfig
 from rsibr.study.path_tracing import PathTracer
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.bake.atomic import checksum, file_checksum, read_bytes, write_atomic
-from rsibr.bake.directory import make_folder
+from rsibr.store.atomic import checksum, file_checksum, read_bytes, write_atomic
+from rsibr.store.directory import make_folder
 from rsibr.study.journal import Journal, name_of
 from rsibr.study.scene import Scene
 from rsibr.validate.reference import MINIMUM_BUFFERS, Reference

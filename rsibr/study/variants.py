@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.bake.health import LARGEST_HALF
-from rsibr.bake.map_file import MapFile
-from rsibr.bake.store import Bake
 from rsibr.geometry.spherical import area_weights, gnomonic_weights
 from rsibr.reconstruct.blend import triangle_mix
 from rsibr.reconstruct.method import MeshMethod, Method
 from rsibr.reconstruct.methods import MethodSet
 from rsibr.reconstruct.modelled import ModelledMethod
+from rsibr.store.bake import Bake
+from rsibr.store.health import LARGEST_HALF
+from rsibr.store.map_file import MapFile
 from rsibr.study.axes import mesh_of
 from rsibr.study.plan import OWN_WEIGHTS, Variant
 

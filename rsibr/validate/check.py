@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rsibr.bake.store import Bake, open_bake
+from rsibr.store.bake import Bake, open_bake
 from rsibr.validate.health import Health, assess
 from rsibr.validate.health_report import write_health
 from rsibr.validate.validation import DEFAULT_VIEWS, novel_views

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
-from rsibr.bake.health import MapHealth, map_health
-from rsibr.bake.map_file import MapFile
-from rsibr.bake.store import Bake
 from rsibr.errors import InputError
 from rsibr.geometry.viewpoints import from_directions
 from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment, load_environment
+from rsibr.store.bake import Bake
+from rsibr.store.health import MapHealth, map_health
+from rsibr.store.map_file import MapFile
 from rsibr.validate.energy import ERRORS, Drift, MapMeans, drifting_views, mean_of_map
 from rsibr.validate.pictures import RELATIVE_ERROR, Rgba, false_colour, outlined
 from rsibr.validate.singularity import near_singularity
@@ -182,7 +182,7 @@ def assess(bake: Bake, views: Sequence[NDArray[np.float64]]) -> Health:
 
     Notes
     -----
-    False alarms: fireflies below 1e-5 a texel of a bake of 4 to 11 samples, none seen with more (`rsibr.bake.health`);
+    False alarms: fireflies below 1e-5 a texel of a bake of 4 to 11 samples, none seen with more (`rsibr.store.health`);
     drift below 1e-3 a bake where the kernel's residuals are Gaussian (`rsibr.validate.energy`); the bound by the
     environment below 3e-7 a channel of a view. All else is counted, not estimated.
     """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rsibr.bake.atomic import unwritable, write_atomic
+from rsibr.store.atomic import unwritable, write_atomic
 from rsibr.validate import pictures
 from rsibr.validate.health import Health
 from rsibr.validate.health_document import HealthModel

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.backend import Rendering
-from rsibr.bake.integrator import SphereIntegrator
+from rsibr.baking.integrator import SphereIntegrator
 from rsibr.effects.lobes import LobeSplit
 from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.bake.noise import COVERED, denominator
-from rsibr.bake.store import Bake
 from rsibr.effects.lobes import LobeSplit
 from rsibr.errors import BakeError, InputError
 from rsibr.reconstruct.method import Method
@@ -18,6 +16,8 @@ from rsibr.reconstruct.methods import MethodSet
 from rsibr.reconstruct.reconstruction import run
 from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material
+from rsibr.store.bake import Bake
+from rsibr.store.noise import COVERED, denominator
 from rsibr.validate.estimate import Estimate, jackknife, mean_estimate
 from rsibr.validate.lobe_reference import LobeReference
 

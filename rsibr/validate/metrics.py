@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.bake.noise import COVERED, denominator
 from rsibr.errors import CheckFailed
+from rsibr.store.noise import COVERED, denominator
 from rsibr.validate.estimate import Estimate, jackknife
 from rsibr.validate.flip import Exposures, flip_map
 from rsibr.validate.reference import Reference

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.bake.atomic import unwritable, write_atomic
+from rsibr.store.atomic import unwritable, write_atomic
 from rsibr.validate import pictures
 from rsibr.validate.document import metrics_document
 from rsibr.validate.health_report import write_health_pictures

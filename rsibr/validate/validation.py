@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr import backend
-from rsibr.bake.store import Bake, open_bake
 from rsibr.errors import BakeError, CheckFailed, InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.reconstruct.method import Method
@@ -20,6 +19,7 @@ from rsibr.reconstruct.reconstruction import Reconstruction, run
 from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment, load_environment
 from rsibr.scene.material import Material, load_material
+from rsibr.store.bake import Bake, open_bake
 from rsibr.validate.flip import exposures_for
 from rsibr.validate.health import Health, assess
 from rsibr.validate.health_report import write_health

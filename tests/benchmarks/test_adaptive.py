@@ -6,10 +6,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from rsibr.bake.baker import bake_view
-from rsibr.bake.integrator import SphereIntegrator
-from rsibr.bake.noise import map_noise
-from rsibr.bake.sampling import Sampler
+from rsibr.baking.baker import bake_view
+from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.sampling import Sampler
 from rsibr.effects.lobes import LobeSplit
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import icosphere
@@ -17,6 +16,7 @@ from rsibr.resources import scenes
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig, SamplingConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
+from rsibr.store.noise import map_noise
 
 N = 128
 SAMPLES = 256

@@ -6,7 +6,7 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from rsibr.bake.baker import bake
+from rsibr.baking.baker import bake
 from rsibr.geometry.frame import view_frame
 from rsibr.reconstruct.methods import MethodSet
 from rsibr.resources import scenes

@@ -5,7 +5,7 @@ import time
 import drjit as dr
 import pytest
 
-from rsibr.bake.baker import bake
+from rsibr.baking.baker import bake
 from rsibr.resources import configs
 
 SAMPLES = 256

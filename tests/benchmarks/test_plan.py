@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
-from rsibr.bake.baker import bake
+from rsibr.baking.baker import bake
 from rsibr.effects.planner import probe_scene
 from rsibr.reconstruct.reconstruction import reconstruct
 from rsibr.resources import configs, scenes

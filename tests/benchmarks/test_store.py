@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from rsibr.bake.baker import bake
-from rsibr.bake.store import open_bake
+from rsibr.baking.baker import bake
 from rsibr.reconstruct.methods import MethodSet
 from rsibr.resources import configs
+from rsibr.store.bake import open_bake
 from tests.benchmarks.turns import in_turns, report
 
 RESOLUTION = 256

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsibr.bake.baker import bake
+from rsibr.baking.baker import bake
 from tests.cli.command import CONFIG, Shell, write_config
 from tests.scene.maps import write_exr
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsibr.bake.manifest import Manifest
-from rsibr.bake.store import BakeWriter, open_bake
+from rsibr.store.bake import BakeWriter, open_bake
+from rsibr.store.manifest import Manifest
 from rsibr.validate.health_document import HealthModel
 from tests.cli.command import write_config
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from filelock import FileLock
 
-from rsibr.bake.manifest import read_manifest, write_manifest
+from rsibr.store.manifest import read_manifest, write_manifest
 from tests.cli.command import CONFIG, write_config
 from tests.scene.maps import write_exr
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rsibr.bake.plan_document import PlanDocument, plan_schema
+from rsibr.baking.plan_document import PlanDocument, plan_schema
 from tests.cli.command import CONFIG, write_config
 
 SWITCHES = (

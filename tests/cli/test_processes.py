@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from rsibr.bake.baker import bake
-from tests.bake.synthetic import content
+from rsibr.baking.baker import bake
 from tests.cli.command import CONFIG, write_config
+from tests.store.synthetic import content
 
 RSIBR = [sys.executable, "-c", "from rsibr.cli.app import main; main()"]
 SLOW_CONFIG = CONFIG.replace("samples = 16", "samples = 2048").replace("resolution = 8", "resolution = 96")
@@ -148,9 +148,9 @@ def test_a_folder_that_may_not_be_written_to(tmp_path):
     place.mkdir(mode=0o555)
     code = (
         "import sys; sys.argv = ['rsibr', *sys.argv[1:]]\n"
-        "from rsibr.bake.writer import BakeWriter\nfrom rsibr.errors import RsibrError\n"
+        "from rsibr.store.writer import BakeWriter\nfrom rsibr.errors import RsibrError\n"
         "from rsibr.cli.options import check_output_folder\nfrom pathlib import Path\n"
-        "from tests.bake import synthetic\n"
+        "from tests.store import synthetic\n"
         "for attempt in (lambda p: BakeWriter.open(p, synthetic.manifest()), check_output_folder):\n"
         "    try: attempt(Path(sys.argv[1]) / 'x')\n"
         "    except RsibrError as error: print(error.exit_code, error)\n"

@@ -6,8 +6,8 @@ import shutil
 
 import pytest
 
-from rsibr.bake.manifest import read_manifest, write_manifest
-from rsibr.bake.store import open_bake
+from rsibr.store.bake import open_bake
+from rsibr.store.manifest import read_manifest, write_manifest
 from tests.cli.command import write_config
 
 GOLD = """

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rsibr.bake.pilot import sampling_ratio
+from rsibr.baking.pilot import sampling_ratio
 from rsibr.effects.plan import Plan
 from rsibr.effects.plan_maps import left_out_errors
 from rsibr.effects.planner import Probes, make_plan, probe_scene

@@ -5,7 +5,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.bake.integrator import SphereIntegrator
+from rsibr.baking.integrator import SphereIntegrator
 from rsibr.effects.components import component_shares, told_apart
 from rsibr.effects.fit import ProxyLobe
 from rsibr.effects.lobes import LobeSplit

@@ -5,9 +5,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.bake.baker import bake_view
-from rsibr.bake.blocks import block_sizes
-from rsibr.bake.integrator import SphereIntegrator
+from rsibr.baking.baker import bake_view
+from rsibr.baking.blocks import block_sizes
+from rsibr.baking.integrator import SphereIntegrator
 from rsibr.effects.albedo import NODES, node_cosines
 from rsibr.effects.fit import fit_lobes
 from rsibr.effects.lobes import MIRROR, LobeSplit

@@ -13,13 +13,13 @@ import time
 import numpy as np
 import pytest
 
-from rsibr.bake.baker import bake
-from rsibr.bake.store import open_bake
+from rsibr.baking.baker import bake
 from rsibr.errors import RsibrError
-from tests.bake import synthetic
-from tests.bake.synthetic import MANY, content, write
+from rsibr.store.bake import open_bake
 from tests.cli.command import CONFIG, write_config
 from tests.cli.test_processes import SLOW_CONFIG, start
+from tests.store import synthetic
+from tests.store.synthetic import MANY, content, write
 
 
 def maps_of(path):

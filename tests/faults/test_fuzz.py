@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.bake import synthetic
+from tests.store import synthetic
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "fuzz.py"
 

@@ -9,16 +9,16 @@ from scipy.stats import norm
 from scipy.stats import t as student
 from typer.testing import CliRunner
 
-from rsibr.bake.baker import bake, bake_view
-from rsibr.bake.blocks import Blocks, block_sizes
-from rsibr.bake.integrator import SphereIntegrator
-from rsibr.bake.map_file import read_map, write_map
+from rsibr.baking.baker import bake, bake_view
+from rsibr.baking.blocks import Blocks, block_sizes
+from rsibr.baking.integrator import SphereIntegrator
 from rsibr.cli.app import app
 from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
 from rsibr.reconstruct.reconstruction import reconstruct
 from rsibr.scene.config import EnvironmentConfig, parse_config
 from rsibr.scene.environment import load_environment
+from rsibr.store.map_file import read_map, write_map
 from rsibr.validate.flip import exposures_for
 from rsibr.validate.metrics import compare
 from rsibr.validate.reference import render_reference
@@ -124,7 +124,7 @@ def test_hc25_a_texel_that_is_not_finite_is_named_before_any_render(tmp_path, va
     image = np.ones((8, 16, 3))
     image[3, 5, 1] = value
     path = write_exr(tmp_path / "bad.exr", image)
-    monkeypatch.setattr("rsibr.bake.baker.SphereIntegrator", None)  # a render would raise TypeError
+    monkeypatch.setattr("rsibr.baking.baker.SphereIntegrator", None)  # a render would raise TypeError
     config = parse_config(small_config(path), tmp_path)
     with pytest.raises(InputError) as caught:
         bake(config, out=tmp_path / "b.rsibr")

@@ -10,11 +10,10 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from rsibr.bake.baker import bake, bake_view
-from rsibr.bake.blocks import Blocks, block_sizes
-from rsibr.bake.health import map_health
-from rsibr.bake.integrator import Launch, SphereIntegrator
-from rsibr.bake.lattice import ShiftedLattice
+from rsibr.baking.baker import bake, bake_view
+from rsibr.baking.blocks import Blocks, block_sizes
+from rsibr.baking.integrator import Launch, SphereIntegrator
+from rsibr.baking.lattice import ShiftedLattice
 from rsibr.effects.probe import RETRO_RATIO, retro_ratio
 from rsibr.geometry.frame import view_frame
 from rsibr.reconstruct.blend import nearest_mix
@@ -22,11 +21,12 @@ from rsibr.reconstruct.warp import WARPS, MirrorWarp
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import PRESETS, load_material
+from rsibr.store.health import map_health
 from rsibr.validate.flip import exposures_for
 from rsibr.validate.metrics import compare
 from rsibr.validate.reference import Reference
 from tests.arrays import disk_grid, to_numpy
-from tests.bake.test_integrator import FURNACE, disk_area_moments
+from tests.baking.test_integrator import FURNACE, disk_area_moments
 from tests.reconstruct.scene import image, inside, matte_sphere, method, mirror_sphere, normals, sky
 from tests.validate.doubles import disk
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsibr.bake.baker import bake
+from rsibr.baking.baker import bake
 from rsibr.effects.albedo import node_cosines
 from rsibr.errors import BakeError
 from rsibr.geometry.frame import view_frame

@@ -8,11 +8,11 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from rsibr.bake.baker import bake
-from rsibr.bake.store import Bake
+from rsibr.baking.baker import bake
 from rsibr.errors import BakeError
 from rsibr.geometry.frame import view_frame
 from rsibr.reconstruct.methods import METHODS, MethodSet, available
+from rsibr.store.bake import Bake
 from tests.arrays import to_numpy, unit_vectors, vector
 from tests.reconstruct.conftest import MATERIALS, RESOLUTION
 from tests.reconstruct.scene import image, inside, normals

@@ -12,7 +12,7 @@ from mitsuba.chi2 import BSDFAdapter, ChiSquareTest, SphericalDomain
 from scipy.integrate import quad
 
 from rsibr import backend
-from rsibr.bake.integrator import SphereIntegrator
+from rsibr.baking.integrator import SphereIntegrator
 from rsibr.errors import InputError
 from rsibr.scene.car_paint import COAT, FLAKES, PIGMENT, PLUGIN, RETRO, register
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig

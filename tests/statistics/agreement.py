@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import norm
 
-from rsibr.bake.blocks import MAX_BLOCKS
-from rsibr.bake.store import Bake
+from rsibr.baking.blocks import MAX_BLOCKS
+from rsibr.store.bake import Bake
 from tests.statistics.comparison import compared, sidak
 
 

@@ -1,6 +1,6 @@
 """Every preset under a real sky: the bake against the path tracer, by texel, by block and as a whole.
 
-`tests/bake/test_integrator.py` does the same by texel and as a whole under four smooth lights.
+`tests/baking/test_integrator.py` does the same by texel and as a whole under four smooth lights.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from rsibr.bake.baker import bake_view
-from rsibr.bake.blocks import block_sizes
-from rsibr.bake.integrator import SphereIntegrator
+from rsibr.baking.baker import bake_view
+from rsibr.baking.blocks import block_sizes
+from rsibr.baking.integrator import SphereIntegrator
 from rsibr.geometry.frame import view_frame
 from rsibr.resources import scenes
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from rsibr import backend
-from rsibr.bake.baker import bake_view, block_sizes
-from rsibr.bake.integrator import SphereIntegrator
+from rsibr.baking.baker import bake_view, block_sizes
+from rsibr.baking.integrator import SphereIntegrator
 from rsibr.effects.lobes import LobeSplit
 from rsibr.geometry.frame import view_frame
 from rsibr.resources import scenes

@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 
 import rsibr
-from rsibr.bake.store import Bake
 from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
 from rsibr.resources import scenes
 from rsibr.scene.config import Config, parse_config
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import PRESETS, load_material
+from rsibr.store.bake import Bake
 from rsibr.validate.flip import exposures_for
 from rsibr.validate.metrics import compare
 from rsibr.validate.reference import ReferenceRenderer

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsibr.bake.baker import bake
+from rsibr.baking.baker import bake
 from rsibr.geometry.frame import view_frame
 from rsibr.reconstruct.methods import MethodSet
 from rsibr.reconstruct.reconstruction import run
@@ -65,7 +65,7 @@ def test_noise_added_to_a_map_has_its_variance_and_leaves_the_rest(bakes):
 
 def test_a_map_without_noise_stays_as_it_is(bakes, monkeypatch):
     stored = replace(bakes[0].map(0), variance=np.zeros((RESOLUTION, RESOLUTION, 3), np.float32))
-    monkeypatch.setattr("rsibr.bake.store.Bake.map", lambda self, index: stored)
+    monkeypatch.setattr("rsibr.store.bake.Bake.map", lambda self, index: stored)
     noisy = NoisyBake(bakes[0].path, bakes[0].manifest).map(0)
     np.testing.assert_array_equal(noisy.radiance, stored.radiance)
 

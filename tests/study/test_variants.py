@@ -18,7 +18,7 @@ FRAME = view_frame((1, 2, 3))
 
 @pytest.fixture(scope="module")
 def bake(small):
-    from rsibr.bake.store import open_bake
+    from rsibr.store.bake import open_bake
 
     return open_bake(next((small.out / "bakes").iterdir()))
 
@@ -39,7 +39,7 @@ def test_half_floats_are_rounded_and_never_infinite(bake, monkeypatch):
     for name, image in stored.layers.items():
         np.testing.assert_array_equal(rounded.layers[name], image.astype(np.float16).astype(np.float32))
         assert not np.array_equal(rounded.layers[name], image)
-    monkeypatch.setattr("rsibr.bake.store.Bake.map", lambda self, index: replace(stored, layers=bright))
+    monkeypatch.setattr("rsibr.store.bake.Bake.map", lambda self, index: replace(stored, layers=bright))
     assert max(image.max() for image in opened_at(bake, "float16").map(0).layers.values()) == 65504
 
 

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsibr.bake.baker import bake
-from rsibr.bake.manifest import Manifest
-from rsibr.bake.map_file import MapFile
-from rsibr.bake.store import Bake, BakeWriter, open_bake
+from rsibr.baking.baker import bake
 from rsibr.errors import BakeError, CheckFailed
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.scene.config import parse_config
+from rsibr.store.bake import Bake, BakeWriter, open_bake
+from rsibr.store.manifest import Manifest
+from rsibr.store.map_file import MapFile
 from rsibr.validate.check import check
 from rsibr.validate.document import MetricsDocument
 from rsibr.validate.energy import Drift, MapMeans, drifting_views, zonal_moments

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsibr.bake.baker import bake
+from rsibr.baking.baker import bake
 from rsibr.effects.lobes import LobeSplit
 from rsibr.errors import BakeError, InputError
 from rsibr.geometry.frame import view_frame

@@ -1,0 +1,1 @@
+"""Renders radiance sphere maps by direct lighting: integrator, samples, views."""

@@ -1,0 +1,147 @@
+"""Measures what a map costs on this machine: as planned, and with one decision taken the other way."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from rsibr import backend
+from rsibr.backend import Rendering
+from rsibr.baking.blocks import Blocks, block_sizes
+from rsibr.baking.integrator import Scope, SphereIntegrator
+from rsibr.baking.planning import scope_of
+from rsibr.effects.lobes import LobeSplit
+from rsibr.effects.plan import Plan
+from rsibr.effects.plan_costs import Costs
+from rsibr.geometry.frame import view_frame
+from rsibr.scene.config import Config
+from rsibr.scene.environment import Environment
+from rsibr.scene.material import Material
+from rsibr.store.health import map_health
+from rsibr.store.map_file import MapFile, encode_map
+
+MAX_LANES = 2**19
+"""Samples of a trial: enough to keep the cores busy, a tenth of a second of them."""
+
+RUNS = 5
+"""Timed runs, after the one that compiles; the shortest counts, for only others' work makes one longer."""
+
+SYNC_SECONDS = 0.01
+"""Of a map and of the manifest behind it: what disks take, at most."""
+
+SOURCE = "calibrated: the shortest of 5 launches of each kernel on this machine, scaled to the samples of the bake"
+
+
+def calibrate(
+    config: Config, environment: Environment, material: Material, split: LobeSplit | None, plan: Plan, views: int
+) -> Costs:
+    """Time small launches of the kernels of a bake.
+
+    Parameters
+    ----------
+    config : Config
+        Its resolution, samples and clamp.
+    environment, material, split
+        The scene.
+    plan : Plan
+        What is planned.
+    views : int
+        Maps of the bake.
+
+    Returns
+    -------
+    Costs
+    """
+
+    def built(scope: Scope, lobes: LobeSplit | None, rendering: Rendering = plan.rendering) -> SphereIntegrator:
+        with backend.rendering(rendering):
+            scene = environment.emitter(), material.bsdf()
+            return SphereIntegrator(*scene, config.map.resolution, lobes, config.sampling.clamp, scope)
+
+    scope = scope_of(plan)
+    planned = built(scope, split)
+    kernels = {
+        "seconds": planned,
+        "other_colour": built(replace(scope, grey=not scope.grey), split),
+        "other_sampling": built(replace(scope, light_samples=not scope.light_samples), split),
+    }
+    if len(planned.lobe_names) > 1:
+        kernels["one_lobe"] = built(replace(scope, left_out=()), None)
+    if (other := _other_rendering(plan)) is not None:
+        kernels["other_rendering"] = built(scope, split, other)
+    return Costs(
+        views=views,
+        lobes=len(planned.lobe_names),
+        bytes=_map_bytes(planned),
+        other_colour_bytes=_map_bytes(kernels["other_colour"]),
+        source=SOURCE,
+        **_map_seconds(kernels, config),
+    )
+
+
+def _other_rendering(plan: Plan) -> Rendering | None:
+    """What the planned rendering is held against: RGB, or spectra where they are given and RGB stands in for them."""
+    if plan.rendering != "rgb":
+        return "rgb"
+    return "spectral" if plan["spectral"].evidence > 0 else None
+
+
+def _map_seconds(kernels: dict[str, SphereIntegrator], config: Config) -> dict[str, float]:
+    """Seconds of a map by each kernel, from launches of no more than `MAX_LANES` samples."""
+    blocks = block_sizes(config.sampling.samples)
+    count = int(blocks.counts)
+    texels = int(np.count_nonzero(next(iter(kernels.values())).coverage))
+    samples = max(1, min(blocks.size, MAX_LANES // texels))
+    frame = view_frame(np.array([1.0, 2.0, 3.0]))
+    shortest = dict.fromkeys(kernels, math.inf)
+    for run in range(-1, RUNS):  # in turn: a machine that is busy for a while is so for all of them
+        for name, kernel in kernels.items():
+            with backend.rendering(kernel.rendering):
+                start = time.perf_counter()
+                kernel.block(frame, samples, np.random.SeedSequence(run + 1))
+                backend.synchronize()
+                seconds = time.perf_counter() - start
+            if run >= 0:
+                shortest[name] = min(shortest[name], seconds)
+    scale = blocks.size * count / samples
+    return {name: seconds * scale for name, seconds in shortest.items()}
+
+
+def sample_seconds(integrator: SphereIntegrator, size: int) -> float:
+    """Seconds of one sample in a launch of blocks of `size` samples; its kernel is compiled by then."""
+    covered = int(np.count_nonzero(integrator.coverage))
+    blocks = Blocks(size, max(2, MAX_LANES // (size * covered)))
+    texels = next(blocks.launches(covered))
+    frame, shortest = view_frame(np.array([1.0, 2.0, 3.0])), math.inf
+    with backend.rendering(integrator.rendering):
+        for run in range(-1, RUNS):
+            start = time.perf_counter()
+            integrator.launch(frame, texels, blocks.size, run + 1).means()
+            if run >= 0:
+                shortest = min(shortest, time.perf_counter() - start)
+    return shortest / (len(texels) * blocks.size)
+
+
+def map_overhead(integrator: SphereIntegrator) -> float:
+    """Seconds that a map takes beside its samples: looked at, compressed, and synced to the disk."""
+    noisy = _noisy_map(integrator)
+    start = time.perf_counter()
+    map_health(noisy)
+    encode_map(noisy)
+    return SYNC_SECONDS + time.perf_counter() - start
+
+
+def _map_bytes(integrator: SphereIntegrator) -> int:
+    """Size of a map's file: noise compresses to what other noise does."""
+    return len(encode_map(_noisy_map(integrator)))
+
+
+def _noisy_map(integrator: SphereIntegrator) -> MapFile:
+    frame = view_frame(np.array([1.0, 2.0, 3.0]))
+    block = integrator.block(frame, 4, np.random.SeedSequence(0))
+    layers = {name: integrator.image(block[:, k]) for k, name in enumerate(integrator.lobe_names)}
+    variance = integrator.image(np.abs(block.sum(axis=1)))  # in spectra a colour may lie below zero
+    return MapFile(frame[:, 2].copy(), frame, layers, variance, integrator.coverage, integrator.grey)

@@ -1,0 +1,1 @@
+"""A bake on disk: manifest, map and light files, atomic writes. No rendering."""

@@ -1,0 +1,173 @@
+"""A whole bake on disk, opened and checked; `BakeWriter` is what makes one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.backend import Rendering
+from rsibr.effects.light import Light
+from rsibr.errors import BakeError
+from rsibr.store.atomic import checksum, read_bytes, unreadable
+from rsibr.store.directory import BAKE_AGAIN, altered, check_file
+from rsibr.store.light_file import LIGHT_NAME, decode_light
+from rsibr.store.manifest import MANIFEST_NAME, Manifest, read_manifest
+from rsibr.store.map_file import MapFile, decode_map
+from rsibr.store.writer import BakeWriter
+
+__all__ = ["Bake", "BakeWriter", "open_bake"]
+
+_NAME_A_BAKE = "name a directory that `rsibr bake` made"
+
+
+@dataclass(frozen=True, eq=False)
+class Bake:
+    """A whole bake, as `open_bake` found it: maps are read when they are asked for.
+
+    Attributes
+    ----------
+    path : Path
+        Its directory.
+    manifest : Manifest
+        What it was made from, and with what.
+    """
+
+    path: Path
+    manifest: Manifest
+
+    @property
+    def view_count(self) -> int:
+        """Number of stored views."""
+        return len(self.manifest.views)
+
+    @property
+    def has_views(self) -> bool:
+        """Whether there are views all around; a bake whose lobes all have closed forms holds one map alone."""
+        return len(self.manifest.triangles) > 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether all views are done; true of every bake that `open_bake` returns."""
+        return not self.manifest.pending
+
+    @property
+    def resolution(self) -> int:
+        """Texels along each side of a map."""
+        return self.manifest.resolution
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """The configuration that it was baked from, as JSON holds it."""
+        return self.manifest.config
+
+    @property
+    def rendering(self) -> Rendering:
+        """What was carried along a path; RGB in bakes older than plans."""
+        return self.manifest.plan.rendering if self.manifest.plan else "rgb"
+
+    @property
+    def seconds(self) -> float:
+        """Time that all views together took to bake [s]."""
+        return self.manifest.seconds
+
+    @property
+    def bytes(self) -> int:
+        """Size of all maps together [bytes]."""
+        return self.manifest.size
+
+    @cached_property
+    def directions(self) -> NDArray[np.float64]:
+        """Unit view vectors, shape (V, 3), in the order of the maps; read-only."""
+        directions = np.array(self.manifest.directions, np.float64)
+        directions.setflags(write=False)
+        return directions
+
+    @cached_property
+    def triangles(self) -> NDArray[np.int64]:
+        """Triangulation of the directions, shape (M, 3), indices into them; read-only."""
+        triangles = np.array(self.manifest.triangles, np.int64).reshape(-1, 3)
+        triangles.setflags(write=False)
+        return triangles
+
+    def map(self, index: int) -> MapFile:
+        """Read the map of one view.
+
+        Its `view` and `frame` have the header's float32 precision; `directions[index]` is exact.
+
+        Raises
+        ------
+        IndexError
+            If there is no such view.
+        BakeError
+            If the file was altered since the bake was opened.
+        """
+        if not 0 <= index < self.view_count:
+            raise IndexError(f"view {index} of {self.view_count}")
+        state = self.manifest.views[index]
+        file = self.path / state.file
+        return decode_map(_content(file, state.sha256), where=str(file))
+
+    @cached_property
+    def light(self) -> Light:
+        """The light that the model of each lobe is made from.
+
+        Raises
+        ------
+        BakeError
+            If the bake is too old to have it, or the file was altered since the bake was opened.
+        """
+        file = self.path / LIGHT_NAME
+        if self.manifest.light is None:
+            raise BakeError("is missing: the bake was made before lights were kept", where=str(file), fix=BAKE_AGAIN)
+        return decode_light(_content(file, self.manifest.light.sha256), where=str(file))
+
+
+def open_bake(path: Path) -> Bake:
+    """Open a bake and check all of it: schema, manifest, and size and checksum of every map.
+
+    Parameters
+    ----------
+    path : Path
+        Directory of the bake, `NAME.rsibr`.
+
+    Raises
+    ------
+    BakeError
+        If there is no bake, it is not finished, or anything in it is missing, truncated or altered.
+    """
+    path = Path(path)
+    _check_kind(path)
+    manifest = read_manifest(path / MANIFEST_NAME)
+    if manifest.pending:
+        total = len(manifest.views)
+        done = total - len(manifest.pending)
+        raise BakeError(f"is not finished: it holds {done} of {total} views", where=str(path), fix=BAKE_AGAIN)
+    for state in manifest.views:
+        check_file(path / state.file, state)
+    if manifest.light is not None:
+        check_file(path / LIGHT_NAME, manifest.light)
+    return Bake(path, manifest)
+
+
+def _content(file: Path, sha256: str | None) -> bytes:
+    data = read_bytes(file)
+    if checksum(data) != sha256:
+        raise altered(file)
+    return data
+
+
+def _check_kind(path: Path) -> None:
+    try:
+        if not path.exists():
+            raise BakeError("does not exist", where=str(path), fix="make it with `rsibr bake`")
+        if not path.is_dir():
+            raise BakeError("is a file; a bake is a directory", where=str(path), fix=_NAME_A_BAKE)
+        if not (path / MANIFEST_NAME).exists():
+            raise BakeError("is a directory without a manifest, so no bake", where=str(path), fix=_NAME_A_BAKE)
+    except OSError as error:
+        raise unreadable(path, error) from error

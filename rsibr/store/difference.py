@@ -1,0 +1,63 @@
+"""In what two bakes differ, as a user reads it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from rsibr.store.atomic import checksum
+from rsibr.store.manifest import Manifest, canonical
+
+_ABSENT = object()
+_MAXIMUM = 8
+_LONGEST_VALUE = 60
+
+
+def differences(found: Manifest, wanted: Manifest) -> list[str]:
+    """Say what keeps the bake `found` from being continued as `wanted`, key by key.
+
+    Returns
+    -------
+    list of str
+        Such as "sampling.samples: 64 → 128", at most eight of them and a count of the others; empty where the two
+        bakes are bit-identical.
+    """
+    old, new = _fixing_the_bits(found), _fixing_the_bits(wanted)
+    keys = [key for key in dict.fromkeys([*old, *new]) if old.get(key, _ABSENT) != new.get(key, _ABSENT)]
+    # Keys of the config are shown as the user writes them, in TOML and behind --set.
+    shown = [
+        f"{key.removeprefix('config.')}: {_show(old.get(key, _ABSENT))} → {_show(new.get(key, _ABSENT))}"
+        for key in keys[:_MAXIMUM]
+    ]
+    hidden = len(keys) - len(shown)
+    return [*shown, f"and {hidden} more"] if hidden else shown
+
+
+def _fixing_the_bits(manifest: Manifest) -> dict[str, Any]:
+    """Everything that two bakes must share for the one to be continued as the other, by dotted key."""
+    geometry = [manifest.directions, manifest.triangles]
+    return {
+        **dict(_flatten(manifest.identity)),
+        "config.map.resolution": manifest.resolution,  # the key that an identity has for it too
+        "number of views": len(manifest.directions),
+        "directions and triangles": checksum(canonical(geometry)),
+    }
+
+
+def _flatten(value: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, item in value.items():
+        if isinstance(item, Mapping) and item:
+            yield from _flatten(item, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", item
+
+
+def _show(value: object) -> str:
+    if value is _ABSENT:
+        return "absent"
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    if re.fullmatch("[0-9a-f]{64}", text):
+        return text[:12]  # a digest: enough to tell one from another
+    return text if len(text) <= _LONGEST_VALUE else f"…{text[1 - _LONGEST_VALUE :]}"

@@ -1,0 +1,244 @@
+"""A radiance sphere map as one multi-part OpenEXR file that explains itself to any EXR viewer.
+
+One part a lobe (R, G, B), then `variance` (R, G, B), then `coverage` (Y); float32, ZIP; a grey map has Y in place of
+R, G, B. Every part's header holds the view vector (`rsibr:view`, v3f), the frame (`rsibr:frame`, m33f, columns x, y, z
+in world coordinates) and a digest of the pixels of all parts (`rsibr:digest`): OpenEXR itself raises nothing on a
+truncated file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
+
+from rsibr.errors import BakeError
+from rsibr.store.atomic import checksum, read_bytes, write_atomic
+
+Image = NDArray[np.float32]
+
+VARIANCE = "variance"
+COVERAGE = "coverage"
+VIEW_KEY = "rsibr:view"
+FRAME_KEY = "rsibr:frame"
+DIGEST_KEY = "rsibr:digest"
+
+REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+"""CIE x, y of red, green, blue and white: ITU-R BT.709-6, table 1."""
+
+_FRAME_TOLERANCE = 1e-5  # the headers are float32
+
+
+@dataclass(frozen=True, eq=False)
+class MapFile:
+    """What one file holds: a sphere map seen from one view.
+
+    Attributes
+    ----------
+    view : ndarray of float64, shape (3,)
+        Unit vector from the surface to the viewer, in world coordinates. float32 precision once read from a file.
+    frame : ndarray of float64, shape (3, 3)
+        Rotation whose columns are x (right), y (up) and z = `view` in world coordinates.
+    layers : dict of str to ndarray of float32, shape (N, N, 3)
+        Radiance [W sr⁻¹ m⁻²] of each lobe, or of several added up (see `rsibr.store.layers`), row 0 at the top, in the
+        order of the file's parts. The first one is what a plain viewer shows. Their sum is the map.
+    variance : ndarray of float32, shape (N, N, 3), or None
+        Variance of the mean of the summed lobes; None where it is not known, as for a reconstructed map.
+    coverage : ndarray of float32, shape (N, N)
+        Share of each texel that lies inside the unit disk.
+    grey : bool
+        Whether a part whose channels are all the same is written as one, Y, of which a reader makes three again.
+
+    Raises
+    ------
+    ValueError
+        If a shape, a type or the frame is not as above.
+    """
+
+    view: NDArray[np.float64]
+    frame: NDArray[np.float64]
+    layers: dict[str, Image]
+    variance: Image | None
+    coverage: Image
+    grey: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what the file could not hold, or what a reader would misread."""
+        if not self.layers or not all(self.layers) or {VARIANCE, COVERAGE} & set(self.layers):
+            raise ValueError(f"layers need names, other than '{VARIANCE}' and '{COVERAGE}': {list(self.layers)}")
+        if self.resolution < 1:
+            raise ValueError("a map needs at least one texel")
+        for name, image in self.parts():
+            expected = (self.resolution, self.resolution) + (() if name == COVERAGE else (3,))
+            if image.shape != expected or image.dtype != np.float32:
+                raise ValueError(f"{name} is {image.dtype} {image.shape}, not float32 {expected}")
+        _check_frame(self.view, self.frame)
+
+    @property
+    def resolution(self) -> int:
+        """Texels along each side, N."""
+        return len(self.coverage)
+
+    @property
+    def radiance(self) -> Image:
+        """Radiance of the whole material, shape (N, N, 3): its lobes add up to it."""
+        return np.asarray(np.sum(list(self.layers.values()), axis=0, dtype=np.float32))
+
+    def parts(self) -> Iterator[tuple[str, Image]]:
+        """Name and pixels of each part, in the order of the file."""
+        yield from self.layers.items()
+        if self.variance is not None:
+            yield VARIANCE, self.variance
+        yield COVERAGE, self.coverage
+
+
+def write_map(path: Path, map_file: MapFile) -> str:
+    """Write a map to `path`, whole or not at all; the same map gives the same bytes.
+
+    Parameters
+    ----------
+    path : Path
+        File to write or to replace; its folder must exist.
+    map_file : MapFile
+        The map.
+
+    Returns
+    -------
+    str
+        SHA-256 of the file's bytes, in hexadecimal.
+
+    Raises
+    ------
+    MachineError
+        If the disk is full or fails.
+    BakeError
+        If the folder is missing or may not be written to.
+    """
+    data = encode_map(map_file)
+    write_atomic(Path(path), data)
+    return checksum(data)
+
+
+def read_map(path: Path) -> MapFile:
+    """Read a map that `write_map` wrote.
+
+    Non-finite texels are let through: whether they matter depends on the coverage and on the use.
+
+    Raises
+    ------
+    BakeError
+        If the file cannot be read, is truncated or altered, or is no map of ours.
+    """
+    return decode_map(read_bytes(Path(path)), where=str(path))
+
+
+def encode_map(map_file: MapFile) -> bytes:
+    """Bytes of the OpenEXR file; no time and no place goes in, so equal maps give equal bytes."""
+    header = {
+        "type": OpenEXR.scanlineimage,
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "chromaticities": REC709,
+        "software": "rsibr",
+        VIEW_KEY: np.asarray(map_file.view, np.float32),
+        FRAME_KEY: np.ascontiguousarray(map_file.frame, np.float32),
+        DIGEST_KEY: _digest(map_file),
+    }
+    # OpenEXR ignores the strides of an array: a slice would be written as other texels than it shows.
+    parts = [
+        OpenEXR.Part(dict(header), _channels(name, image, map_file.grey), name) for name, image in map_file.parts()
+    ]
+    stream = io.BytesIO()
+    with OpenEXR.File(parts) as file:
+        file.write(stream)
+    return stream.getvalue()
+
+
+def decode_map(data: bytes, where: str) -> MapFile:
+    """Inverse of `encode_map`; `where` names the file in an error.
+
+    Raises
+    ------
+    BakeError
+        If the bytes are truncated or altered, or are no map of ours.
+    """
+    try:
+        # OpenEXR prints its warnings on stdout, where `--json` has its one object.
+        with contextlib.redirect_stdout(io.StringIO()), OpenEXR.File(io.BytesIO(data)) as file:
+            headers = [dict(part.header) for part in file.parts]
+            images = {part.name(): _pixels(part) for part in file.parts}
+            grey = all("Y" in part.channels for part in file.parts)
+        map_file = _assemble(headers, images, grey)
+        whole = _agree(headers) and headers[0][DIGEST_KEY] == _digest(map_file)
+    except KeyError as error:
+        raise BakeError(f"is not a whole map of rsibr: {error.args[0]} is missing", where=where) from error
+    except (RuntimeError, ValueError, TypeError, OSError, MemoryError) as error:
+        raise BakeError("is not an OpenEXR map of rsibr, or is truncated or altered", where=where) from error
+    if not whole:
+        raise BakeError("is truncated or altered: its pixels do not match its headers", where=where)
+    return map_file
+
+
+def _assemble(headers: list[dict[str, Any]], images: dict[str, Image], grey: bool) -> MapFile:
+    if len(images) != len(headers) or not headers:
+        raise ValueError("parts are missing or share a name")
+    coverage, variance = images.pop(COVERAGE), images.pop(VARIANCE, None)
+    view, frame = (np.array(headers[0][key], np.float64) for key in (VIEW_KEY, FRAME_KEY))
+    return MapFile(view=view, frame=frame, layers=images, variance=variance, coverage=coverage, grey=grey)
+
+
+def _is_grey(image: Image) -> bool:
+    return all(np.array_equal(image[..., 0], image[..., c], equal_nan=True) for c in (1, 2))
+
+
+def _agree(headers: list[dict[str, Any]]) -> bool:
+    """Whether all parts carry the same view, frame and digest."""
+    return all(
+        np.array_equal(header[key], headers[0][key]) for header in headers for key in (VIEW_KEY, FRAME_KEY, DIGEST_KEY)
+    )
+
+
+def _channels(part: str, image: Image, grey: bool) -> dict[str, Image]:
+    """A part's one array: OpenEXR's Python package stands "RGB" for the channels R, G and B together."""
+    # The pixels decide, not the flag: a texel that was changed since loses nothing
+    stored = image[..., 0] if grey and part != COVERAGE and _is_grey(image) else image
+    return {"RGB" if stored.ndim == 3 else "Y": np.ascontiguousarray(stored)}
+
+
+def _pixels(part: Any) -> Image:
+    channels = part.channels
+    name = "RGB" if "RGB" in channels and part.name() != COVERAGE else "Y"
+    if set(channels) != {name} or channels[name].pixels is None:
+        raise KeyError(f"channel {name} of part {part.name()}")
+    pixels: Image = channels[name].pixels
+    is_colour = name == "Y" and part.name() != COVERAGE
+    return np.repeat(pixels[..., None], 3, axis=-1) if is_colour else pixels
+
+
+def _digest(map_file: MapFile) -> str:
+    """SHA-256 over view, frame and the pixels of all parts, as the file holds them."""
+    digest = hashlib.sha256()
+    for values in (map_file.view, map_file.frame):
+        digest.update(np.asarray(values, "<f4").tobytes())
+    for name, image in map_file.parts():
+        digest.update(f"{name}\0{image.shape}\0".encode())
+        digest.update(np.asarray(image, "<f4").tobytes())
+    return digest.hexdigest()
+
+
+def _check_frame(view: NDArray[np.float64], frame: NDArray[np.float64]) -> None:
+    if view.shape != (3,) or frame.shape != (3, 3):
+        raise ValueError(f"view is {view.shape} and frame {frame.shape}, not (3,) and (3, 3)")
+    if not np.isfinite(frame).all():
+        raise ValueError("the frame is not finite")
+    if not np.allclose(frame.T @ frame, np.eye(3), rtol=0.0, atol=_FRAME_TOLERANCE) or np.linalg.det(frame) < 0.0:
+        raise ValueError("the frame is no rotation")
+    if not np.allclose(frame[:, 2], view, rtol=0.0, atol=_FRAME_TOLERANCE):
+        raise ValueError("the frame's third column is not the view")

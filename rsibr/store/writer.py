@@ -1,0 +1,210 @@
+"""Writing a bake: one process at a time, view by view, so that a crash at any moment costs one view at most."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from filelock import FileLock
+
+from rsibr.effects.light import Light
+from rsibr.effects.plan import Plan
+from rsibr.errors import BakeError
+from rsibr.store.atomic import checksum, is_leftover, unwritable, write_atomic
+from rsibr.store.difference import differences
+from rsibr.store.directory import claim_directory, entries, is_whole, lock_directory, make_folder
+from rsibr.store.health import map_health
+from rsibr.store.light_file import LIGHT_NAME, encode_light
+from rsibr.store.manifest import (
+    MANIFEST_NAME,
+    MAPS_NAME,
+    LightRecord,
+    Manifest,
+    ViewState,
+    read_manifest,
+    write_manifest,
+)
+from rsibr.store.map_file import MapFile, write_map
+from rsibr.store.noise import map_noise
+
+_MAP_PATTERN = re.compile(r"view_\d{4,}\.exr")
+_VIEW_TOLERANCE = 1e-6  # a map's header keeps its view in float32
+
+
+class BakeWriter:
+    """The one process that may write a bake; made by `BakeWriter.open`, used in a `with` statement.
+
+    A crash at any moment leaves a bake that the next writer goes on with. Views that are done stay done.
+
+    Attributes
+    ----------
+    path : Path
+        Directory of the bake.
+    manifest : Manifest
+        As it stands on disk.
+    """
+
+    def __init__(self, path: Path, manifest: Manifest, lock: FileLock) -> None:
+        self.path = path
+        self.manifest = manifest
+        self._lock = lock
+
+    @classmethod
+    def open(
+        cls, path: Path, manifest: Manifest | Callable[[Manifest | None], Manifest], fresh: bool = False
+    ) -> BakeWriter:
+        """Begin a bake in the directory `path`, or go on with the one that is there.
+
+        Parameters
+        ----------
+        path : Path
+            Directory of the bake, `NAME.rsibr`; made where it does not exist, parents too.
+        manifest : Manifest or callable
+            What to bake, from `Manifest.planned`; or what makes it, once the directory is this process's own, of the
+            manifest that is there, if any: what was decided then is not decided again.
+        fresh : bool
+            Whether to throw away a bake that is there, whatever its config and state, and to begin anew.
+
+        Returns
+        -------
+        BakeWriter
+            Holds the directory's lock until it is closed.
+
+        Raises
+        ------
+        BakeError
+            If the directory holds something else than a bake; a bake of another config or a broken manifest, unless
+            `fresh`; or if another process is writing it, or it may not be written to.
+        MachineError
+            If the disk is full or fails.
+        """
+        path = Path(path)
+        claim_directory(path)
+        lock = lock_directory(path)
+        try:
+            make_folder(path / MAPS_NAME)
+            writer = cls(path, _continued(path, manifest, fresh), lock)
+            writer._record(writer.manifest)
+            writer._sweep()
+        except BaseException:
+            lock.release()
+            raise
+        return writer
+
+    @property
+    def pending(self) -> list[int]:
+        """Indices of the views that are still to bake, ascending."""
+        return self.manifest.pending
+
+    def commit(self, index: int, map_file: MapFile, seconds: float) -> None:
+        """Store the map of one view, for good: once this returns, not even a power cut takes it back.
+
+        Parameters
+        ----------
+        index : int
+            A pending view.
+        map_file : MapFile
+            Its map, with its variance, at the bake's resolution and seen from the view's direction.
+        seconds : float
+            Time that the view took to bake [s].
+
+        Raises
+        ------
+        ValueError
+            If the view is not pending, or the map is not of this view.
+        MachineError, BakeError
+            If the map cannot be written; the view is pending still.
+        """
+        if index not in self.pending:
+            raise ValueError(f"view {index} is not pending")
+        state = self.manifest.views[index]
+        _check_map(map_file, state, self.manifest.resolution)
+        if not (math.isfinite(seconds) and seconds >= 0.0):
+            raise ValueError(f"a view cannot take {seconds} s")
+        file = self.path / state.file
+        sha256 = write_map(file, map_file)
+        size, health, noise = file.stat().st_size, map_health(map_file).record(), map_noise(map_file)
+        done = state.finished(sha256, float(seconds), size, health, noise if math.isfinite(noise) else None)
+        self._record(self.manifest.with_views(done))
+
+    @property
+    def has_light(self) -> bool:
+        """Whether the light is stored already."""
+        return self.manifest.light is not None
+
+    def commit_light(self, light: Light) -> None:
+        """Store the light, for good.
+
+        Raises
+        ------
+        MachineError, BakeError
+            If it cannot be written.
+        """
+        data = encode_light(light)
+        write_atomic(self.path / LIGHT_NAME, data)
+        record = LightRecord(sha256=checksum(data), bytes=len(data))
+        self._record(self.manifest.model_copy(update={"light": record}))
+
+    def record_plan(self, plan: Plan) -> None:
+        """Put the plan into the manifest in place of the one that the bake began with: now its costs are known."""
+        self._record(self.manifest.model_copy(update={"plan": plan}))
+
+    def close(self) -> None:
+        """Give the directory free for another writer."""
+        self._lock.release()
+
+    def __enter__(self) -> Self:
+        """Return the writer itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Close the writer, whether or not the work succeeded."""
+        self.close()
+
+    def _record(self, manifest: Manifest) -> None:
+        write_manifest(self.path / MANIFEST_NAME, manifest)
+        self.manifest = manifest
+
+    def _sweep(self) -> None:
+        """Remove what killed writers left behind: temporary files, and maps that the manifest does not count."""
+        done = {self.path / state.file for state in self.manifest.views if state.done}
+        stale = [entry for entry in entries(self.path) if is_leftover(entry)]
+        for entry in entries(self.path / MAPS_NAME):
+            if is_leftover(entry) or (_MAP_PATTERN.fullmatch(entry.name) and entry not in done):
+                stale.append(entry)
+        for entry in stale:
+            try:
+                entry.unlink()
+            except OSError as error:
+                raise unwritable(entry, error) from error
+
+
+def _continued(path: Path, manifest: Manifest | Callable[[Manifest | None], Manifest], fresh: bool) -> Manifest:
+    """Return what is wanted with the views that are already there, whole."""
+    found = None if fresh or not (path / MANIFEST_NAME).exists() else read_manifest(path / MANIFEST_NAME)
+    wanted = manifest if isinstance(manifest, Manifest) else manifest(found)
+    if found is None:
+        return wanted
+    differing = differences(found, wanted)
+    if differing:
+        what = f"holds a bake of another config ({'; '.join(differing)})"
+        raise BakeError(what, where=str(path), fix="use --fresh to bake anew, or another --out")
+    light = found.light if found.light and is_whole(path / LIGHT_NAME, found.light) else None
+    kept = wanted.model_copy(update={"light": light})
+    return kept.with_views(*(state for state in found.views if state.done and is_whole(path / state.file, state)))
+
+
+def _check_map(map_file: MapFile, state: ViewState, resolution: int) -> None:
+    if map_file.resolution != resolution:
+        raise ValueError(f"the map has {map_file.resolution} texels a side, the bake {resolution}")
+    if not np.allclose(map_file.view, state.view, rtol=0.0, atol=_VIEW_TOLERANCE):
+        raise ValueError(f"the map is seen from {map_file.view}, view {state.index} from {state.view}")
+    if map_file.variance is None:
+        raise ValueError("a baked map comes with its variance")

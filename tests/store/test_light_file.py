@@ -1,0 +1,198 @@
+"""The light of a bake: whole or not there, the same after every interruption, and never taken for what it is not."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+
+from rsibr.baking import baker
+from rsibr.baking.baker import bake
+from rsibr.effects.light import Light
+from rsibr.errors import BakeError
+from rsibr.scene.orientation import rotation_about_y
+from rsibr.store.bake import BakeWriter, open_bake
+from rsibr.store.light_file import LIGHT_NAME, decode_light, encode_light
+from tests.store.synthetic import SECONDS, baked, content, manifest
+from tests.store.test_store import damages
+
+CONFIG = """
+[environment]
+file = "{environment}"
+[material]
+preset = "matte-lambert"
+[map]
+resolution = 8
+[sampling]
+samples = 8
+"""
+
+
+@pytest.fixture(autouse=True)
+def _no_sync(monkeypatch):
+    """No machine dies here: syncing to the disk would only take time."""
+    monkeypatch.setattr(os, "fsync", lambda _: None)
+
+
+@pytest.fixture
+def config(tmp_path, asymmetric_environment):
+    path = tmp_path / "small.toml"
+    path.write_text(CONFIG.format(environment=asymmetric_environment))
+    return path
+
+
+def light(seed=3, with_image=False):
+    """A small picture with all that a light may hold: a sun, black, and the smallest numbers."""
+    image = np.random.default_rng(seed).gamma(0.3, 2.0, (16, 16, 3)).astype(np.float32)
+    image[0, 0], image[1, 1], image[2, 2] = 1e6, 0.0, 1e-30
+    return Light(image, image[:5, :8].copy(), rotation_about_y(20)[:3, :3]) if with_image else Light(image)
+
+
+def same(one, other):
+    if (one.image is None) != (other.image is None):
+        return False
+    images = one.image is None or np.array_equal(one.image, other.image)
+    return np.array_equal(one.picture, other.picture) and images and np.allclose(one.frame, other.frame, atol=1e-7)
+
+
+def write(path, views=3, **options):
+    """A synthetic bake with its light, or the first views of it."""
+    with BakeWriter.open(path, manifest(), **options) as writer:
+        if not writer.has_light:
+            writer.commit_light(light())
+        for index in writer.pending[:views]:
+            writer.commit(index, baked(3, index), SECONDS)
+
+
+# --- The file ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("with_image", [False, True])
+def test_it_comes_back_to_the_last_bit(with_image):
+    assert same(decode_light(encode_light(light(3, with_image)), "x"), light(3, with_image))
+
+
+def test_equal_lights_give_equal_bytes_and_others_others():
+    assert encode_light(light()) == encode_light(light())
+    assert encode_light(light()) != encode_light(light(4))
+    assert encode_light(light()) != encode_light(light(3, with_image=True))
+
+
+def test_what_is_no_light_is_refused(capfd):
+    data = encode_light(light())
+    oblong = encode_light(Light(light().picture[:8]))
+    for bad in (b"", b"not an image", data[:100], data[: len(data) // 2], data[:-1], oblong):
+        with pytest.raises(BakeError, match=r"a\.exr: is no light of rsibr, or is truncated or altered"):
+            decode_light(bad, "a.exr")
+    assert capfd.readouterr().out == ""
+
+
+# --- In a bake --------------------------------------------------------------------------------------------------------
+
+
+def test_a_bake_keeps_its_light_and_counts_it(tmp_path):
+    write(tmp_path)
+    opened = open_bake(tmp_path)
+    assert same(opened.light, light())
+    assert opened.manifest.light.bytes == (tmp_path / LIGHT_NAME).stat().st_size
+    assert opened.bytes == sum(state.bytes for state in opened.manifest.views) + opened.manifest.light.bytes
+
+
+def test_every_damage_to_the_light_is_found_on_opening_and_on_reading_and_mended_by_baking(tmp_path, capfd):
+    write(tmp_path)
+    whole, opened = content(tmp_path), open_bake(tmp_path)
+    for damaged in damages(whole[LIGHT_NAME]):
+        (tmp_path / LIGHT_NAME).write_bytes(damaged)
+        with pytest.raises(BakeError, match=r"light\.exr: is truncated or altered"):
+            open_bake(tmp_path)
+        with pytest.raises(BakeError, match=r"light\.exr: is truncated or altered"):
+            _ = opened.light
+    assert capfd.readouterr() == ("", "")  # found before OpenEXR sees it
+    write(tmp_path)
+    assert content(tmp_path) == whole
+
+
+def test_a_missing_light_is_found_on_opening_and_made_again(tmp_path):
+    write(tmp_path)
+    whole = content(tmp_path)
+    (tmp_path / LIGHT_NAME).unlink()
+    with pytest.raises(BakeError, match=r"light\.exr: is missing.*[Rr]un the same `rsibr bake` command again"):
+        open_bake(tmp_path)
+    write(tmp_path)
+    assert content(tmp_path) == whole
+
+
+def test_a_bake_older_than_lights_opens_and_says_so_when_asked_for_one(tmp_path):
+    with BakeWriter.open(tmp_path, manifest()) as writer:
+        for index in writer.pending:
+            writer.commit(index, baked(3, index), SECONDS)
+    text = json.loads((tmp_path / "manifest.json").read_text())
+    assert text["light"] is None
+    opened = open_bake(tmp_path)
+    assert opened.view_count == 3
+    with pytest.raises(BakeError, match=r"light\.exr: is missing: the bake was made before lights were kept"):
+        _ = opened.light
+
+
+def test_interrupted_while_it_is_written_it_is_not_there(tmp_path, monkeypatch):
+    """Killed before its change of name, between that and the manifest, and between the manifest and the first view."""
+    write(tmp_path / "whole")
+    whole = content(tmp_path / "whole")
+    real = os.replace
+    for kept in (1, 2, 3):  # changes of name before the end: the manifest's, the light's, the manifest's
+        path, left = tmp_path / str(kept), iter(range(kept))
+
+        def stopping(source, target, left=left):
+            if next(left, None) is None:
+                raise KeyboardInterrupt
+            real(source, target)
+
+        monkeypatch.setattr(os, "replace", stopping)
+        with pytest.raises(KeyboardInterrupt):
+            write(path)
+        monkeypatch.setattr(os, "replace", real)
+        assert (path / LIGHT_NAME).exists() == (kept >= 2)
+        with BakeWriter.open(path, manifest()) as writer:
+            assert writer.has_light == (kept == 3)
+        write(path)
+        assert content(path) == whole
+
+
+def test_a_bake_that_goes_on_makes_no_second_light(config, tmp_path, monkeypatch):
+    """And ends with the bytes of one that was never interrupted: stopped between the light and the first view."""
+    whole = content(bake(config, out=tmp_path / "whole.rsibr").path)
+
+    def dying(*_, **__):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as killed:
+        killed.setattr(baker, "bake_view", dying)
+        with pytest.raises(KeyboardInterrupt):
+            bake(config, out=tmp_path / "b.rsibr")
+    with pytest.raises(BakeError, match=r"0 of \d+ views"):
+        open_bake(tmp_path / "b.rsibr")
+    monkeypatch.setattr(baker, "planned_light", dying)
+    resumed = content(bake(config, out=tmp_path / "b.rsibr").path)
+    assert {k: v for k, v in resumed.items() if k != "manifest.json"} == {
+        k: v for k, v in whole.items() if k != "manifest.json"
+    }
+    light_of = [json.loads(files["manifest.json"])["light"] for files in (resumed, whole)]
+    assert light_of[0] == light_of[1]
+
+
+def test_a_fresh_bake_under_another_light_keeps_nothing_of_the_old(config, tmp_path, gradient_sky):
+    first = bake(config, out=tmp_path / "b.rsibr").light
+    second = bake(config, out=tmp_path / "b.rsibr", overrides=[f"environment.file={gradient_sky}"], fresh=True)
+    assert not np.array_equal(second.light, first)
+    assert same(open_bake(second.path).light, second.light)
+
+
+@pytest.mark.parametrize("radiance", [0.0, 2.0])
+def test_an_even_or_black_environment_has_its_light(tmp_path, radiance):
+    """Such an emitter answers for all directions at once."""
+    config = tmp_path / "even.toml"
+    emitter = f'emitter = {{type = "constant", radiance = {radiance}}}'
+    config.write_text(CONFIG.replace('file = "{environment}"', emitter))
+    made = bake(config, out=tmp_path / "even.rsibr")
+    assert made.light.picture.shape == (512, 512, 3)
+    assert np.array_equal(np.unique(made.light.picture), [radiance])
