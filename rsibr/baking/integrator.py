@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.baking.lattice import MAX_POINTS, ShiftedLattice
 from rsibr.effects.lobes import LobeSplit
-from rsibr.effects.wavelengths import Wavelengths
-from rsibr.geometry.resident import resident
-from rsibr.geometry.sphere_map import normal_from_disk, stored_coverage
+from rsibr.geometry.projections.sphere_map import normal_from_disk, stored_coverage
+from rsibr.geometry.to_device import resident
+from rsibr.scene.wavelengths import Wavelengths
 
 MAX_LANES = 2**22
 """Samples in one launch: bounds the memory at about 0.3 GiB whatever the resolution and the samples."""

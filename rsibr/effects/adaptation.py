@@ -21,10 +21,10 @@ from rsibr.effects.albedo import albedo_tables, delta_reflectance, low_discrepan
 from rsibr.effects.lobes import Lobe, LobeSplit
 from rsibr.effects.material_probe import over_disk
 from rsibr.effects.probe import interaction
-from rsibr.effects.wavelengths import Wavelengths
-from rsibr.geometry.resident import resident
+from rsibr.geometry.to_device import resident
 from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material
+from rsibr.scene.wavelengths import Wavelengths
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rsibr.effects.low_discrepancy import sobol
 from rsibr.effects.probe import interaction
-from rsibr.geometry.resident import resident
+from rsibr.geometry.to_device import resident
 
 NODES = 65
 """Entries of a table, even in √cos θ: closest together at grazing angles, where an albedo bends most."""

@@ -11,9 +11,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.effects.wavelengths import Wavelengths
-from rsibr.geometry.octahedral import texel_directions
+from rsibr.geometry.projections.octahedral import texel_directions
 from rsibr.scene.environment import Environment
+from rsibr.scene.wavelengths import Wavelengths
 
 RESOLUTION = 512
 """Texels a side: 0.4° each, as fine as an environment map of 1024 × 512."""
@@ -89,7 +89,7 @@ def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUT
     Returns
     -------
     ndarray, shape (R, R, 3), float32
-        Radiance [W sr⁻¹ m⁻²]; see `rsibr.geometry.octahedral`. Black where the emitter is no environment, such as
+        Radiance [W sr⁻¹ m⁻²]; see `rsibr.geometry.projections.octahedral`. Black where the emitter is no environment, such as
         `directional`.
     """
     environment = mi.load_dict({"type": "scene", "light": emitter}).environment()

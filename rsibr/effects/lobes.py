@@ -24,7 +24,7 @@ from rsibr.effects.components import component_shares
 from rsibr.effects.fit import ProxyLobe, fit_lobes
 from rsibr.effects.probe import interaction
 from rsibr.effects.proxy import LAMBERT, lobe_values
-from rsibr.effects.wavelengths import Wavelengths
+from rsibr.scene.wavelengths import Wavelengths
 
 MIRROR = -1.0
 """Stands where a roughness would for a delta distribution."""

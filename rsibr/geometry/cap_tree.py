@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.resident import resident
+from rsibr.geometry.to_device import resident
 
 _INNER = np.uint32(0xFFFFFFFF)
 _SLACK = 1e-6  # a cap's radius is rounded to float32; the smallest triangles, at subdivision 5, are 3e-2 wide

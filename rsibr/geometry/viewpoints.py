@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsibr.errors import InputError
 from rsibr.geometry.cap_tree import CapTree
-from rsibr.geometry.resident import resident
+from rsibr.geometry.to_device import resident
 
 VIEW_COUNTS = (12, 42, 162, 642, 2562, 10242)
 """Views of a subdivided icosahedron. They are nested: each count's directions are the first of the next one's."""

@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.resident import resident
+from rsibr.geometry.to_device import resident
 
 
 @dataclass(eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.facet_map import angle_per_length, facet_normal, facet_texels
-from rsibr.geometry.sphere_map import within_disk
+from rsibr.geometry.projections.sphere_map import within_disk
 from rsibr.reconstruct.angle_table import AngleTable
 from rsibr.reconstruct.light_stack import LightStack
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.frame import frame_of
-from rsibr.geometry.octahedral import bordered, square_from_direction, texel_directions, texel_solid_angles
-from rsibr.geometry.resident import resident
+from rsibr.geometry.projections.octahedral import bordered, square_from_direction, texel_directions, texel_solid_angles
+from rsibr.geometry.to_device import resident
 from rsibr.reconstruct.texel import bilinear, packed
 
 WIDEST = 1.3

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from rsibr.effects.kernel import Gaussians, LobeKernel
 from rsibr.effects.light import Light
 from rsibr.effects.proxy import COAT_IOR, refracted, schlick, transmitted
-from rsibr.geometry.resident import resident
+from rsibr.geometry.to_device import resident
 from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.mirrored import ROUGH, MirroredLight
 from rsibr.reconstruct.polar_grid import PolarGrid

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.frame import frame_of
-from rsibr.geometry.sphere_map import normal_from_disk, texel_centre, tiled_texels
+from rsibr.geometry.projections.sphere_map import normal_from_disk, texel_centre, tiled_texels
 from rsibr.geometry.viewpoints import ViewSphere
 from rsibr.reconstruct.blend import Mixture
 from rsibr.reconstruct.lobe_albedo import LobeAlbedo

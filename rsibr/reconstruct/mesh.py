@@ -8,7 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from rsibr.geometry.sphere_map import disk_from_normal, normal_from_disk, within_disk
+from rsibr.geometry.projections.sphere_map import disk_from_normal, normal_from_disk, within_disk
 from rsibr.reconstruct.warp import LEAST_CONFIDENCE, Warp
 
 

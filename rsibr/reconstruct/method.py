@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.frame import frame_of, from_columns
-from rsibr.geometry.sphere_map import normal_from_disk, texel_centre, tiled_texels, within_disk
+from rsibr.geometry.projections.sphere_map import normal_from_disk, texel_centre, tiled_texels, within_disk
 from rsibr.geometry.viewpoints import Viewpoints, ViewSphere
 from rsibr.reconstruct.blend import Mix, Mixture
 from rsibr.reconstruct.mesh import DiskMesh, MeshWarp

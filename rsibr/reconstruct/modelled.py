@@ -17,7 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.frame import frame_of
-from rsibr.geometry.sphere_map import covered_middle, normal_from_disk, texel_centre, texel_centres, tiled_texels
+from rsibr.geometry.projections.sphere_map import (
+    covered_middle,
+    normal_from_disk,
+    texel_centre,
+    texel_centres,
+    tiled_texels,
+)
 from rsibr.reconstruct.blend import Mixture
 from rsibr.reconstruct.lobe_albedo import LobeAlbedo
 from rsibr.reconstruct.lobe_model import LobeModel

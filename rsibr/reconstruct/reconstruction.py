@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.geometry.frame import unit_view, view_frame
-from rsibr.geometry.sphere_map import texel_coverage
+from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.reconstruct.method import Method
 from rsibr.reconstruct.methods import MethodSet
 from rsibr.store.bake import Bake, open_bake

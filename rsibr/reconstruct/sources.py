@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from rsibr.errors import MachineError
-from rsibr.geometry.resident import resident
+from rsibr.geometry.to_device import resident
 from rsibr.reconstruct.texel import packed, unpacked
 
 MAX_WORDS = 2**32 - 1

@@ -13,7 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from rsibr.geometry.resident import resident
+from rsibr.geometry.to_device import resident
 
 LookUp = Callable[["mi.Vector3f", "mi.Float"], "mi.Color3f"]
 """(direction, standard deviation of the blur [rad]) → the light; of a `LightStack`."""

@@ -15,7 +15,7 @@ import drjit as dr
 import mitsuba as mi
 
 from rsibr.geometry.frame import from_columns, transported
-from rsibr.geometry.sphere_map import disk_from_normal, disk_from_reflection
+from rsibr.geometry.projections.sphere_map import disk_from_normal, disk_from_reflection
 from rsibr.reconstruct.sources import StoredView
 
 FADE_RADIUS = 1.0

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import mitsuba as mi
 
-import rsibr.scene.car_paint  # noqa: F401  # makes its plugin known
+import rsibr.scene.paint.car_paint  # noqa: F401  # makes its plugin known
 from rsibr.errors import InputError
 from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files
 

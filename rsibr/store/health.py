@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.sphere_map import stored_coverage
+from rsibr.geometry.projections.sphere_map import stored_coverage
 from rsibr.store.manifest import HealthRecord
 from rsibr.store.map_file import MapFile
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.frame import view_frame
-from rsibr.geometry.sphere_map import normal_from_disk, texel_centres
+from rsibr.geometry.projections.sphere_map import normal_from_disk, texel_centres
 from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.reconstruct.sources import StoredView
 from rsibr.reconstruct.warp import MirrorWarp

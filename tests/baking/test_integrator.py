@@ -12,7 +12,7 @@ from rsibr.baking.blocks import Blocks, BlockSums, block_sizes
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.lattice import MAX_POINTS
 from rsibr.geometry.frame import view_frame
-from rsibr.geometry.sphere_map import LEAST_COVERAGE, texel_coverage
+from rsibr.geometry.projections.sphere_map import LEAST_COVERAGE, texel_coverage
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import PRESETS, load_material

@@ -11,10 +11,10 @@ from rsibr.effects.fit import ProxyLobe
 from rsibr.effects.lobes import LobeSplit
 from rsibr.effects.probe import reflected
 from rsibr.effects.proxy import LAMBERT
-from rsibr.scene.car_paint import COAT, FLAKES, PIGMENT
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
+from rsibr.scene.paint.car_paint import COAT, FLAKES, PIGMENT
 from tests.arrays import to_numpy, unit_vectors, vector
 
 TWO_METALS = {

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rsibr.effects.light import light_map
-from rsibr.geometry.octahedral import texel_directions, texel_solid_angles
+from rsibr.geometry.projections.octahedral import texel_directions, texel_solid_angles
 from rsibr.scene.config import EnvironmentConfig
 from rsibr.scene.environment import load_environment
 from tests.arrays import to_numpy

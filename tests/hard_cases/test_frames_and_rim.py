@@ -10,7 +10,7 @@ from rsibr.baking.blocks import Blocks
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.errors import InputError
 from rsibr.geometry.frame import frame_of, transported, unit_view, view_frame
-from rsibr.geometry.sphere_map import (
+from rsibr.geometry.projections.sphere_map import (
     disk_from_reflection,
     normal_from_disk,
     reflection_from_disk,

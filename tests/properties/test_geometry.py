@@ -8,7 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsibr.geometry.frame import frame_of, transported, view_frame
-from rsibr.geometry.sphere_map import disk_from_normal, disk_from_reflection, normal_from_disk, reflection_from_disk
+from rsibr.geometry.projections.sphere_map import (
+    disk_from_normal,
+    disk_from_reflection,
+    normal_from_disk,
+    reflection_from_disk,
+)
 from rsibr.geometry.viewpoints import icosphere
 from tests.arrays import point, to_numpy, vector
 from tests.hard_cases.exact import WEIGHTS, query, side_distances

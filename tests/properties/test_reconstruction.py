@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsibr.geometry.frame import view_frame
-from rsibr.geometry.sphere_map import texel_coverage
+from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.geometry.spherical import area_weights
 from rsibr.geometry.viewpoints import from_directions, icosphere
 from rsibr.reconstruct.blend import triangle_mix

@@ -3,7 +3,7 @@
 import numpy as np
 
 from rsibr.geometry.frame import view_frame
-from rsibr.geometry.sphere_map import texel_coverage
+from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.geometry.spherical import area_weights
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.reconstruct.blend import triangle_mix

@@ -4,7 +4,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.geometry.octahedral import texel_directions, texel_solid_angles
+from rsibr.geometry.projections.octahedral import texel_directions, texel_solid_angles
 from rsibr.reconstruct.light_stack import _IRRADIANCE, LightStack
 from tests.arrays import to_numpy, unit_vectors, vector
 

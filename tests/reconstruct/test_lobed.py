@@ -7,7 +7,7 @@ from rsibr.baking.baker import bake
 from rsibr.effects.albedo import node_cosines
 from rsibr.errors import BakeError
 from rsibr.geometry.frame import view_frame
-from rsibr.geometry.sphere_map import texel_coverage
+from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.geometry.spherical import gnomonic_weights
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.reconstruct.blend import triangle_mix

@@ -9,7 +9,7 @@ from rsibr.effects.fit import ProxyLobe
 from rsibr.effects.kernel import LobeKernel
 from rsibr.effects.light import Light
 from rsibr.geometry.frame import view_frame
-from rsibr.geometry.sphere_map import texel_coverage
+from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.geometry.spherical import gnomonic_weights
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.reconstruct.blend import Mixture, triangle_mix

@@ -1,7 +1,7 @@
 """A virtual goniophotometer: Mitsuba path-traces a sample that lies in the open, and reads what it reflects.
 
 The sample is either a flat piece of one material, or *real layers*: a dielectric interface, an absorbing medium, and a
-substrate below it. The layers share no code with `rsibr.scene.car_paint`.
+substrate below it. The layers share no code with `rsibr.scene.paint.car_paint`.
 """
 
 from __future__ import annotations

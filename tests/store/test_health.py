@@ -14,7 +14,7 @@ from rsibr.baking.blocks import Blocks
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
-from rsibr.geometry.sphere_map import texel_coverage
+from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.scene.config import parse_config
 from rsibr.store.bake import BakeWriter, open_bake
 from rsibr.store.health import LARGEST_HALF, map_health

@@ -11,7 +11,7 @@ from scipy.stats import t as student_t
 
 from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
-from rsibr.geometry.sphere_map import texel_coverage
+from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.validate.reference import ReferenceRenderer, render_reference, stratified
 from tests.validate.doubles import BLACK_SKY, GREY_SKY, LAMBERT, MIRROR, Sky, slanted_sky
 

@@ -6,7 +6,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.geometry.octahedral import (
+from rsibr.geometry.projections.octahedral import (
     bordered,
     direction_from_square,
     square_from_direction,

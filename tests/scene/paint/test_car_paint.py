@@ -14,11 +14,11 @@ from scipy.integrate import quad
 from rsibr import backend
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.errors import InputError
-from rsibr.scene.car_paint import COAT, FLAKES, PIGMENT, PLUGIN, RETRO, register
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
-from rsibr.scene.pigments import pigment_reflectance
+from rsibr.scene.paint.car_paint import COAT, FLAKES, PIGMENT, PLUGIN, RETRO, register
+from rsibr.scene.paint.pigments import pigment_reflectance
 from tests.arrays import unit_vectors
 
 RICH = {"flake_density": 3000.0, "flake_tint": 0.8, "retro_share": 0.3, "coat_alpha": 0.05}

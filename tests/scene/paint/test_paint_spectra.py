@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rsibr import backend
-from rsibr.scene.car_paint import PLUGIN
-from rsibr.scene.paint_spectra import NODES
-from rsibr.scene.pigments import pigment_spectrum
+from rsibr.scene.paint.car_paint import PLUGIN
+from rsibr.scene.paint.paint_spectra import NODES
+from rsibr.scene.paint.pigments import pigment_spectrum
 from tests.scene.test_car_paint import rgb, tilted
 
 AT = [450.0, 530.0, 560.0, 640.0]  # nodes: nothing is interpolated between wavelengths

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsibr.geometry.sphere_map import (
+from rsibr.geometry.projections.sphere_map import (
     covered_middle,
     disk_from_normal,
     disk_from_reflection,

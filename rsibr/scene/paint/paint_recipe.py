@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.errors import InputError
-from rsibr.scene.paint_layers import CoatTables, Gloss, solve_layers
-from rsibr.scene.paint_spectra import NODES
-from rsibr.scene.pigments import pigment_reflectance, pigment_spectrum
+from rsibr.scene.paint.paint_layers import CoatTables, Gloss, solve_layers
+from rsibr.scene.paint.paint_spectra import NODES
+from rsibr.scene.paint.pigments import pigment_reflectance, pigment_spectrum
 
 Colour = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class PaintRecipe:
     Attributes
     ----------
     pigment : Colour
-        Reflectance of the pigment, 0 … 1. In a file also the name of a measured patch, see `rsibr.scene.pigments`.
+        Reflectance of the pigment, 0 … 1. In a file also the name of a measured patch, see `rsibr.scene.paint.pigments`.
     flake_tint : Colour
         Reflectance of a metal flake inside the coat, 0 … 1.
     flake_size : float
@@ -89,7 +89,7 @@ class PaintRecipe:
     def from_properties(cls, properties: mi.Properties) -> PaintRecipe:
         """Read the parameters that Mitsuba hands to a plugin, in the channels of the current variant.
 
-        In spectral variants a channel stands for each of `rsibr.scene.paint_spectra.NODES`.
+        In spectral variants a channel stands for each of `rsibr.scene.paint.paint_spectra.NODES`.
 
         Raises
         ------

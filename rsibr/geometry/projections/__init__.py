@@ -1,0 +1,1 @@
+"""Maps between directions and images: one file a projection."""

@@ -1,0 +1,1 @@
+"""Car paint as layers of pigments, flakes and clear coat, down to a Mitsuba BSDF."""
