@@ -13,8 +13,8 @@ from scipy import constants
 
 from rsibr.errors import InputError
 from rsibr.scene.paint.car_paint import PLUGIN as CAR_PAINT
-from rsibr.scene.paint.paint_spectra import NODES
 from rsibr.scene.paint.pigments import pigment_spectrum
+from rsibr.scene.paint.spectra import NODES
 
 Samples = list[tuple[float, float]]
 """Wavelengths [nm] and values, ascending; linear between them and nothing beyond."""

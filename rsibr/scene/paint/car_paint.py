@@ -2,7 +2,7 @@
 
     f = f_coat + T(ω_i) T(ω_o) / η² · [ ρ* a(ω_i) a(ω_o) / π + f_flakes + f_retro + f_between ](ω_i', ω_o')
 
-with ω' the refracted directions and T(ω) = (1 − E_coat(ω)) exp(−τ / cos θ'). `rsibr.scene.paint.paint_layers` gives the rest:
+with ω' the refracted directions and T(ω) = (1 − E_coat(ω)) exp(−τ / cos θ'). `rsibr.scene.paint.layers` gives the rest:
 the pigment's own series ρ*, the light that flakes and coat throw at the pigment a, and several reflections among flakes
 f_between.
 """
@@ -18,10 +18,10 @@ import mitsuba as mi
 import numpy as np
 
 from rsibr import backend
-from rsibr.scene.paint.paint_layers import AZIMUTH_NODES, COSINE_NODES, SINE_NODES
-from rsibr.scene.paint.paint_lobes import emerging, ggx, half_turn, microfacet_mirrors, mirrored, refracted
-from rsibr.scene.paint.paint_recipe import PaintRecipe
-from rsibr.scene.paint.paint_spectra import PaintColours, PaintSpectra, along, lookup_table
+from rsibr.scene.paint.layers import AZIMUTH_NODES, COSINE_NODES, SINE_NODES
+from rsibr.scene.paint.lobes import emerging, ggx, half_turn, microfacet_mirrors, mirrored, refracted
+from rsibr.scene.paint.recipe import PaintRecipe
+from rsibr.scene.paint.spectra import PaintColours, PaintSpectra, along, lookup_table
 
 PLUGIN = "rsibr_car_paint"
 """Name of the BSDF in Mitsuba XML and dictionaries."""

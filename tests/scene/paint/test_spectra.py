@@ -7,9 +7,9 @@ import pytest
 
 from rsibr import backend
 from rsibr.scene.paint.car_paint import PLUGIN
-from rsibr.scene.paint.paint_spectra import NODES
 from rsibr.scene.paint.pigments import pigment_spectrum
-from tests.scene.test_car_paint import rgb, tilted
+from rsibr.scene.paint.spectra import NODES
+from tests.scene.paint.test_car_paint import rgb, tilted
 
 AT = [450.0, 530.0, 560.0, 640.0]  # nodes: nothing is interpolated between wavelengths
 COATED = {"flake_density": 1500.0, "flake_size": 20.0, "coat_alpha": 0.1, "retro_share": 0.2}

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.errors import InputError
-from rsibr.scene.paint.paint_layers import CoatTables, Gloss, solve_layers
-from rsibr.scene.paint.paint_spectra import NODES
+from rsibr.scene.paint.layers import CoatTables, Gloss, solve_layers
 from rsibr.scene.paint.pigments import pigment_reflectance, pigment_spectrum
+from rsibr.scene.paint.spectra import NODES
 
 Colour = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ class PaintRecipe:
     def from_properties(cls, properties: mi.Properties) -> PaintRecipe:
         """Read the parameters that Mitsuba hands to a plugin, in the channels of the current variant.
 
-        In spectral variants a channel stands for each of `rsibr.scene.paint.paint_spectra.NODES`.
+        In spectral variants a channel stands for each of `rsibr.scene.paint.spectra.NODES`.
 
         Raises
         ------
