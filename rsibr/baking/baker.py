@@ -25,13 +25,13 @@ from rsibr.baking.planning import (
     planned_viewpoints,
 )
 from rsibr.baking.sampling import Sampler
-from rsibr.effects.adaptation import adapted_lobes
-from rsibr.effects.light import Light, light_of
-from rsibr.effects.lobes import Lobe
-from rsibr.effects.plan import Plan
-from rsibr.effects.plan_costs import priced
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import Viewpoints
+from rsibr.light.radiance import Light, light_of
+from rsibr.lobes.adaptation import adapted_lobes
+from rsibr.lobes.split import Lobe
+from rsibr.planning.costs import priced
+from rsibr.planning.plan import Plan
 from rsibr.scene.config import Config, load_config
 from rsibr.scene.environment import Environment, load_environment
 from rsibr.scene.material import ANISOTROPIC, Material, load_material

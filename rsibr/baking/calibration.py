@@ -13,10 +13,10 @@ from rsibr.backend import Rendering
 from rsibr.baking.blocks import Blocks, block_sizes
 from rsibr.baking.integrator import Scope, SphereIntegrator
 from rsibr.baking.planning import scope_of
-from rsibr.effects.lobes import LobeSplit
-from rsibr.effects.plan import Plan
-from rsibr.effects.plan_costs import Costs
 from rsibr.geometry.frame import view_frame
+from rsibr.lobes.split import LobeSplit
+from rsibr.planning.costs import Costs
+from rsibr.planning.plan import Plan
 from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material

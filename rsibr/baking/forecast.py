@@ -11,9 +11,9 @@ from rsibr.baking.blocks import block_sizes
 from rsibr.baking.calibration import calibrate
 from rsibr.baking.planning import planned_integrator, planned_scene, planned_settings, planned_viewpoints
 from rsibr.baking.sampling import Sampler
-from rsibr.effects.plan import Plan
-from rsibr.effects.plan_costs import priced
 from rsibr.geometry.frame import view_frame
+from rsibr.planning.costs import priced
+from rsibr.planning.plan import Plan
 from rsibr.scene.config import Config, load_config
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material

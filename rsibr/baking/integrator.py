@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.baking.lattice import MAX_POINTS, ShiftedLattice
-from rsibr.effects.lobes import LobeSplit
 from rsibr.geometry.projections.sphere_map import normal_from_disk, stored_coverage
 from rsibr.geometry.to_device import resident
+from rsibr.lobes.split import LobeSplit
 from rsibr.scene.wavelengths import Wavelengths
 
 MAX_LANES = 2**22

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from rsibr.effects.plan import Plan
+from rsibr.planning.plan import Plan
 from rsibr.store.manifest import BudgetRecord, SamplingRecord
 
 

@@ -12,12 +12,12 @@ import numpy as np
 from rsibr import backend
 from rsibr.baking.integrator import Scope, SphereIntegrator
 from rsibr.baking.pilot import sampling_ratio
-from rsibr.effects.lobes import Lobe, LobeSplit
-from rsibr.effects.material_probe import over_disk
-from rsibr.effects.plan import Plan
-from rsibr.effects.plan_costs import Costs
-from rsibr.effects.planner import make_plan, probe_scene
 from rsibr.geometry.viewpoints import Viewpoints, witness
+from rsibr.lobes.albedo import over_disk
+from rsibr.lobes.split import Lobe, LobeSplit
+from rsibr.planning.costs import Costs
+from rsibr.planning.plan import Plan
+from rsibr.planning.planner import make_plan, probe_scene
 from rsibr.scene.config import Config, MapConfig
 from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material

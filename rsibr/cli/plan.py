@@ -10,7 +10,7 @@ import typer
 from rsibr.cli.options import Config, Json
 
 if TYPE_CHECKING:
-    from rsibr.effects.plan import Effect, Plan
+    from rsibr.planning.plan import Effect, Plan
 
 TABLE_WIDTH = 150
 """Columns that the table of effects takes at least."""
@@ -57,7 +57,7 @@ def _print(made: Plan) -> None:
 
 
 def _row(effect: Effect) -> Iterator[str]:
-    from rsibr.effects.plan import number
+    from rsibr.planning.plan import number
 
     sign = "" if effect.on else "−"
     seconds, size = (

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from rsibr.geometry.facet_map import angle_per_length, facet_normal, facet_texels
 from rsibr.geometry.projections.sphere_map import within_disk
+from rsibr.light.environment_pyramid import LightStack
 from rsibr.reconstruct.angle_table import AngleTable
-from rsibr.reconstruct.light_stack import LightStack
 
 LEVELS = 5
 """Images of the pyramid, each with half the texels a side of the last."""

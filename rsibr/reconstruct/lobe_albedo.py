@@ -28,7 +28,7 @@ class LobeAlbedo:
 
     @classmethod
     def of(cls, albedo: NDArray[np.float64]) -> LobeAlbedo:
-        """Put a table of shape (NODES, 3) on the device; see `rsibr.effects.albedo`."""
+        """Put a table of shape (NODES, 3) on the device; see `rsibr.lobes.albedo`."""
         return cls(AngleTable.of(np.maximum(albedo, _LEAST * max(_LEAST_SHARE, float(albedo.max())))))
 
     def at(self, cosine: mi.Float) -> mi.Color3f:

@@ -1,6 +1,6 @@
 """A model of what a lobe reflects, made of the light alone: taken out of the stored maps, put back in the new one.
 
-A lobe gathers its light over the slopes of facets, as a mixture of Gaussians (`rsibr.effects.kernel`). A narrow one is
+A lobe gathers its light over the slopes of facets, as a mixture of Gaussians (`rsibr.lobes.gaussians`). A narrow one is
 a streak around the mirror direction and looked up along it (`rsibr.reconstruct.streak`). A wide one varies so little
 over the map that it is enough to know it at the nodes of a coarse polar grid.
 
@@ -18,11 +18,11 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.effects.kernel import Gaussians, LobeKernel
-from rsibr.effects.light import Light
-from rsibr.effects.proxy import COAT_IOR, refracted, schlick, transmitted
 from rsibr.geometry.to_device import resident
-from rsibr.reconstruct.light_stack import LightStack
+from rsibr.light.environment_pyramid import LightStack
+from rsibr.light.radiance import Light
+from rsibr.lobes.basis import COAT_IOR, refracted, schlick, transmitted
+from rsibr.lobes.gaussians import Gaussians, LobeKernel
 from rsibr.reconstruct.mirrored import ROUGH, MirroredLight
 from rsibr.reconstruct.polar_grid import PolarGrid
 from rsibr.reconstruct.streak import Slant, Streak, spreads_of_lookups

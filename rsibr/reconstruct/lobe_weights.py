@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.effects.albedo import node_cosines
-from rsibr.effects.facet_moments import NODES, FacetMoments, cosines, facet_moments
-from rsibr.effects.kernel import LobeKernel
+from rsibr.lobes.albedo import node_cosines
+from rsibr.lobes.facet_moments import NODES, FacetMoments, cosines, facet_moments
+from rsibr.lobes.gaussians import LobeKernel
 from rsibr.reconstruct.facet_pyramid import LEVELS, level_variances, texel_angle
 
 Array = NDArray[np.float64]
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LobeWeights:
-    """Weights at the angles of `rsibr.effects.facet_moments.cosines`.
+    """Weights at the angles of `rsibr.lobes.facet_moments.cosines`.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class LobeWeights:
 
 
 def albedo_at_nodes(albedo: Array) -> Array:
-    """A table of directional albedo (`rsibr.effects.albedo`) at the angles of the weights, shape (NODES, 3)."""
+    """A table of directional albedo (`rsibr.lobes.albedo`) at the angles of the weights, shape (NODES, 3)."""
     place = np.sqrt(cosines())
     return np.stack([np.interp(place, np.sqrt(node_cosines()), channel) for channel in albedo.T], axis=1)
 

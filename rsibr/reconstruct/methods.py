@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
-from rsibr.effects.fit import ProxyLobe
-from rsibr.effects.kernel import LobeKernel
 from rsibr.errors import BakeError, InputError
 from rsibr.geometry.spherical import area_weights, gnomonic_weights
 from rsibr.geometry.viewpoints import Viewpoints, first_views, from_directions, icosphere
+from rsibr.light.environment_pyramid import LightStack
+from rsibr.lobes.fit import ProxyLobe
+from rsibr.lobes.gaussians import LobeKernel
 from rsibr.reconstruct.blend import Mix, nearest_mix, triangle_mix
-from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.lobe_albedo import LobeAlbedo
 from rsibr.reconstruct.lobe_model import LobeModel
 from rsibr.reconstruct.lobed import Corrections, LobedMethod, LobeGroup, LobeMaps, LobeWarps

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from rsibr.effects.light import Light
-from rsibr.reconstruct.latlong_image import LatLongImage
-from rsibr.reconstruct.light_stack import LightStack
+from rsibr.light.environment_pyramid import LightStack
+from rsibr.light.latlong_texture import LatLongImage
+from rsibr.light.radiance import Light
 
 EXACT = 3.0
 """Points a texel of an image and a side, head-on, where a mirror has nothing but its closed form."""

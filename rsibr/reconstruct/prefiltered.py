@@ -8,12 +8,12 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.effects.kernel import LobeKernel
-from rsibr.effects.light import Light
 from rsibr.geometry.facet_map import facet_point
+from rsibr.light.environment_pyramid import LightStack
+from rsibr.light.radiance import Light
+from rsibr.lobes.gaussians import LobeKernel
 from rsibr.reconstruct.angle_table import AngleTable
 from rsibr.reconstruct.facet_pyramid import balance, finest_resolution, gathered, lookup
-from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.lobe_weights import LobeWeights, albedo_at_nodes, lobe_weights
 from rsibr.reconstruct.mirrored import ROUGH, MirroredLight
 from rsibr.reconstruct.streak import Slant, Streak

@@ -12,7 +12,7 @@ from scipy.ndimage import distance_transform_edt
 
 from rsibr.errors import MachineError
 from rsibr.geometry.to_device import resident
-from rsibr.reconstruct.texel import packed, unpacked
+from rsibr.light.shared_exponent import packed, unpacked
 
 MAX_WORDS = 2**32 - 1
 """Entries that a Dr.Jit array can index."""

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.backend import Rendering
-from rsibr.effects.light import Light
 from rsibr.errors import BakeError
+from rsibr.light.radiance import Light
 from rsibr.store.atomic import checksum, read_bytes, unreadable
 from rsibr.store.directory import BAKE_AGAIN, altered, check_file
 from rsibr.store.light_file import LIGHT_NAME, decode_light

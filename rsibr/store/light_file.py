@@ -1,4 +1,4 @@
-"""The light of a bake as an OpenEXR file: what the model of a lobe is made from; see `rsibr.effects.light`.
+"""The light of a bake as an OpenEXR file: what the model of a lobe is made from; see `rsibr.light.radiance`.
 
 Its first part is the octahedral picture. Where the material has a delta lobe and the environment is an image, that is
 the second, with its axes (`rsibr:frame`, m33f, columns x, y, z in world coordinates).
@@ -14,8 +14,8 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from rsibr.effects.light import Light
 from rsibr.errors import BakeError
+from rsibr.light.radiance import Light
 from rsibr.store.map_file import FRAME_KEY, REC709
 
 LIGHT_NAME = "light.exr"

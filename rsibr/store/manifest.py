@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from rsibr.effects.plan import Plan
 from rsibr.errors import BakeError
 from rsibr.geometry.viewpoints import VIEW_COUNTS
+from rsibr.planning.plan import Plan
 from rsibr.store.atomic import checksum, read_bytes, write_atomic
 
 MANIFEST_NAME = "manifest.json"
@@ -50,7 +50,7 @@ class MaterialRecord(_Record):
 
 
 class ProxyRecord(_Record):
-    """One of the smooth lobes that stand in for a lobe of the material; see `rsibr.effects.fit.ProxyLobe`.
+    """One of the smooth lobes that stand in for a lobe of the material; see `rsibr.lobes.fit.ProxyLobe`.
 
     Attributes
     ----------
@@ -72,9 +72,9 @@ class LobeRecord(_Record):
     name : str
         Name of the layer.
     alpha : float
-        Roughness of the lobe; see `rsibr.effects.lobes.Lobe`.
+        Roughness of the lobe; see `rsibr.lobes.split.Lobe`.
     albedo : tuple of colours
-        Its directional albedo over the viewing angle; see `rsibr.effects.albedo`.
+        Its directional albedo over the viewing angle; see `rsibr.lobes.albedo`.
     proxies : tuple of ProxyRecord
         What stands in for it in a model of the lobe; none for a delta, and in bakes older than this record.
     views : int or None

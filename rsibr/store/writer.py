@@ -12,9 +12,9 @@ from typing import Self
 import numpy as np
 from filelock import FileLock
 
-from rsibr.effects.light import Light
-from rsibr.effects.plan import Plan
 from rsibr.errors import BakeError
+from rsibr.light.radiance import Light
+from rsibr.planning.plan import Plan
 from rsibr.store.atomic import checksum, is_leftover, unwritable, write_atomic
 from rsibr.store.difference import differences
 from rsibr.store.directory import claim_directory, entries, is_whole, lock_directory, make_folder

@@ -14,8 +14,8 @@ from rsibr.baking.baker import Progress
 from rsibr.baking.baker import bake as run_bake
 from rsibr.baking.calibration import map_overhead, sample_seconds
 from rsibr.baking.forecast import forecast
-from rsibr.effects.plan import Plan
 from rsibr.errors import BakeError, InputError
+from rsibr.planning.plan import Plan
 from rsibr.scene.config import Config, MapConfig, SamplingConfig, ViewsConfig, load_config
 from rsibr.store.bake import Bake, BakeWriter, open_bake
 from rsibr.store.directory import claim_directory

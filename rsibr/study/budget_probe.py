@@ -22,10 +22,10 @@ from rsibr.baking.baker import bake_view, plan_manifest, planned_light
 from rsibr.baking.blocks import block_sizes
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.planning import planned_integrator, planned_scene, planned_viewpoints
-from rsibr.effects.adaptation import adapted_lobes
-from rsibr.effects.light import Light
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.viewpoints import Viewpoints, from_directions, icosphere
+from rsibr.light.radiance import Light
+from rsibr.lobes.adaptation import adapted_lobes
 from rsibr.reconstruct.methods import MethodSet
 from rsibr.reconstruct.reconstruction import run
 from rsibr.scene.config import Config, MapConfig, ViewsConfig

@@ -12,9 +12,9 @@ import numpy as np
 
 from rsibr import backend
 from rsibr.baking.integrator import SphereIntegrator
-from rsibr.effects.lobes import LobeSplit
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import icosphere
+from rsibr.lobes.split import LobeSplit
 from rsibr.scene.views import load_viewpoints
 from rsibr.study.bench import Bench
 from rsibr.study.config import PathTracingConfig

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.effects.lobes import LobeSplit
+from rsibr.lobes.split import LobeSplit
 from rsibr.reconstruct.method import Method
 from rsibr.reconstruct.reconstruction import run
 from rsibr.store.noise import COVERED

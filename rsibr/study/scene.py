@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 import rsibr
 from rsibr.backend import Rendering
-from rsibr.effects.plan_colour import ColourEffects
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.viewpoints import icosphere
+from rsibr.planning.colour import ColourEffects
 from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment, load_environment
 from rsibr.scene.material import Material, load_material

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from rsibr.effects.plan import Plan
+from rsibr.planning.plan import Plan
 from rsibr.validate.estimate_document import EstimateModel, Interval, Positive, Share, StrictModel
 from rsibr.validate.health_document import HealthModel
 from rsibr.validate.lobe_document import LobesModel, ViewLobesModel

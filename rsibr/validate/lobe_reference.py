@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.backend import Rendering
 from rsibr.baking.integrator import SphereIntegrator
-from rsibr.effects.lobes import LobeSplit
+from rsibr.lobes.split import LobeSplit
 from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.effects.lobes import LobeSplit
 from rsibr.errors import BakeError, InputError
+from rsibr.lobes.split import LobeSplit
 from rsibr.reconstruct.method import Method
 from rsibr.reconstruct.methods import MethodSet
 from rsibr.reconstruct.reconstruction import run

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.effects.plan import Plan
+from rsibr.planning.plan import Plan
 from rsibr.validate.estimate import Estimate, mean_estimate
 from rsibr.validate.flip import Exposures
 from rsibr.validate.health import Health

@@ -15,7 +15,7 @@ from rsibr.resources import scenes
 from rsibr.store.bake import open_bake
 from rsibr.store.map_file import MapFile, decode_map, encode_map
 from rsibr.store.noise import denominator
-from tests.effects.scenes import gradient, sun
+from tests.planning.scenes import gradient, sun
 from tests.scene.maps import write_exr
 from tests.statistics.agreement import agreement
 from tests.statistics.comparison import compared, sidak

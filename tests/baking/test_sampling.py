@@ -20,7 +20,7 @@ from rsibr.scene.config import SamplingConfig
 from rsibr.store.manifest import read_manifest
 from rsibr.store.noise import map_noise
 from tests.arrays import unit_vectors
-from tests.effects.scenes import sun
+from tests.planning.scenes import sun
 
 N = 24
 RUNS = 48

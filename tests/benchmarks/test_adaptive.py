@@ -9,9 +9,9 @@ import pytest
 from rsibr.baking.baker import bake_view
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.sampling import Sampler
-from rsibr.effects.lobes import LobeSplit
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import icosphere
+from rsibr.lobes.split import LobeSplit
 from rsibr.resources import scenes
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig, SamplingConfig
 from rsibr.scene.environment import load_environment

@@ -14,8 +14,8 @@ from rsibr.baking.baker import bake, bake_view
 from rsibr.baking.blocks import Blocks, block_sizes
 from rsibr.baking.integrator import Launch, SphereIntegrator
 from rsibr.baking.lattice import ShiftedLattice
-from rsibr.effects.probe import RETRO_RATIO, retro_ratio
 from rsibr.geometry.frame import view_frame
+from rsibr.lobes.bsdf_eval import RETRO_RATIO, retro_ratio
 from rsibr.reconstruct.blend import nearest_mix
 from rsibr.reconstruct.warp import WARPS, MirrorWarp
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig

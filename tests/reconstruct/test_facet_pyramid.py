@@ -6,6 +6,7 @@ import pytest
 
 from rsibr.geometry.facet_map import facet_point, facet_texels
 from rsibr.geometry.frame import view_frame
+from rsibr.light.environment_pyramid import LightStack
 from rsibr.reconstruct.angle_table import AngleTable
 from rsibr.reconstruct.facet_pyramid import (
     LEVELS,
@@ -16,7 +17,6 @@ from rsibr.reconstruct.facet_pyramid import (
     lookup,
     texel_angle,
 )
-from rsibr.reconstruct.light_stack import LightStack
 from tests.arrays import point, to_numpy, vector
 from tests.reconstruct.test_light_stack import legendre, picture
 

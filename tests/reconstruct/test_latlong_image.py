@@ -5,8 +5,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.effects.light import light_of
-from rsibr.reconstruct.latlong_image import LatLongImage
+from rsibr.light.latlong_texture import LatLongImage
+from rsibr.light.radiance import light_of
 from rsibr.scene.config import EnvironmentConfig
 from rsibr.scene.environment import load_environment
 from tests.arrays import to_numpy, unit_vectors, vector

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rsibr.geometry.projections.octahedral import texel_directions, texel_solid_angles
-from rsibr.reconstruct.light_stack import _IRRADIANCE, LightStack
+from rsibr.light.environment_pyramid import _IRRADIANCE, LightStack
 from tests.arrays import to_numpy, unit_vectors, vector
 
 R = 128

@@ -4,12 +4,12 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.effects.fit import ProxyLobe
-from rsibr.effects.kernel import LobeKernel
-from rsibr.effects.light import Light
-from rsibr.effects.proxy import LAMBERT
 from rsibr.geometry.frame import view_frame
-from rsibr.reconstruct.light_stack import LightStack
+from rsibr.light.environment_pyramid import LightStack
+from rsibr.light.radiance import Light
+from rsibr.lobes.basis import LAMBERT
+from rsibr.lobes.fit import ProxyLobe
+from rsibr.lobes.gaussians import LobeKernel
 from rsibr.reconstruct.lobe_model import LobeModel
 from tests.arrays import to_numpy, unit_vectors, vector
 from tests.microfacet import by_quadrature, coated_ggx, ggx, metal, pairs, schlick, soft_sky

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from rsibr.effects.albedo import node_cosines
-from rsibr.effects.facet_moments import NODES, cosines, facet_moments
-from rsibr.effects.fit import ProxyLobe
-from rsibr.effects.kernel import Gaussians, LobeKernel
+from rsibr.lobes.albedo import node_cosines
+from rsibr.lobes.facet_moments import NODES, cosines, facet_moments
+from rsibr.lobes.fit import ProxyLobe
+from rsibr.lobes.gaussians import Gaussians, LobeKernel
 from rsibr.reconstruct.facet_pyramid import LEVELS, level_variances, texel_angle
 from rsibr.reconstruct.lobe_weights import albedo_at_nodes, lobe_weights
 

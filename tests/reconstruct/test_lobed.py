@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from rsibr.baking.baker import bake
-from rsibr.effects.albedo import node_cosines
 from rsibr.errors import BakeError
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.geometry.spherical import gnomonic_weights
 from rsibr.geometry.viewpoints import icosphere
+from rsibr.lobes.albedo import node_cosines
 from rsibr.reconstruct.blend import triangle_mix
 from rsibr.reconstruct.lobed import Corrections, LobedMethod, LobeGroup, LobeMaps, LobeWarps
 from rsibr.reconstruct.method import Cost

@@ -4,13 +4,13 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.effects.albedo import node_cosines
-from rsibr.effects.fit import ProxyLobe
-from rsibr.effects.kernel import LobeKernel
-from rsibr.effects.light import Light
-from rsibr.effects.proxy import LAMBERT
 from rsibr.geometry.frame import view_frame
-from rsibr.reconstruct.light_stack import LightStack
+from rsibr.light.environment_pyramid import LightStack
+from rsibr.light.radiance import Light
+from rsibr.lobes.albedo import node_cosines
+from rsibr.lobes.basis import LAMBERT
+from rsibr.lobes.fit import ProxyLobe
+from rsibr.lobes.gaussians import LobeKernel
 from rsibr.reconstruct.prefiltered import PrefilteredLobes
 from tests.arrays import to_numpy, vector
 from tests.microfacet import by_quadrature, coated_ggx, metal, soft_sky, viewer

@@ -4,16 +4,16 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.effects.albedo import node_cosines
-from rsibr.effects.fit import ProxyLobe
-from rsibr.effects.kernel import LobeKernel
-from rsibr.effects.light import Light
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.geometry.spherical import gnomonic_weights
 from rsibr.geometry.viewpoints import icosphere
+from rsibr.light.environment_pyramid import LightStack
+from rsibr.light.radiance import Light
+from rsibr.lobes.albedo import node_cosines
+from rsibr.lobes.fit import ProxyLobe
+from rsibr.lobes.gaussians import LobeKernel
 from rsibr.reconstruct.blend import Mixture, triangle_mix
-from rsibr.reconstruct.light_stack import LightStack
 from rsibr.reconstruct.lobe_albedo import LobeAlbedo
 from rsibr.reconstruct.lobe_model import LobeModel
 from rsibr.reconstruct.method import Cost

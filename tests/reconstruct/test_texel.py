@@ -4,7 +4,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.reconstruct.texel import PRECISION, packed, unpacked
+from rsibr.light.shared_exponent import PRECISION, packed, unpacked
 
 
 def round_trip(radiance):

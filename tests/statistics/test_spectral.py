@@ -12,14 +12,14 @@ import pytest
 from rsibr import backend
 from rsibr.baking.baker import bake_view, block_sizes
 from rsibr.baking.integrator import SphereIntegrator
-from rsibr.effects.lobes import LobeSplit
 from rsibr.geometry.frame import view_frame
+from rsibr.lobes.split import LobeSplit
 from rsibr.resources import scenes
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
 from rsibr.validate.reference import render_reference
-from tests.effects.metamers import GRID, light, lines, matte, metamers, seen_of
+from tests.planning.metamers import GRID, light, lines, matte, metamers, seen_of
 from tests.statistics.comparison import compared
 from tests.statistics.failures import kept_on_failure
 
@@ -111,7 +111,7 @@ def shape():
 
 def test_rgb_errs_by_what_was_predicted_of_a_metamer_and_spectra_do_not():
     """RelMSE of the RGB map against the sum by hand, and the mismatch that a plan measures: within 10 %."""
-    from rsibr.effects.metamerism import rgb_mismatch
+    from rsibr.planning.metamerism import rgb_mismatch
 
     emission, reflectance = lines(436, 546, 611), metamers()[1]
     environment = load_environment(EnvironmentConfig(emitter=light(emission)))

@@ -8,8 +8,8 @@ import pytest
 
 from rsibr.baking import baker
 from rsibr.baking.baker import bake
-from rsibr.effects.light import Light
 from rsibr.errors import BakeError
+from rsibr.light.radiance import Light
 from rsibr.scene.orientation import rotation_about_y
 from rsibr.store.bake import BakeWriter, open_bake
 from rsibr.store.light_file import LIGHT_NAME, decode_light, encode_light

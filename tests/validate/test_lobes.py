@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rsibr.baking.baker import bake
-from rsibr.effects.lobes import LobeSplit
 from rsibr.errors import BakeError, InputError
 from rsibr.geometry.frame import view_frame
+from rsibr.lobes.split import LobeSplit
 from rsibr.reconstruct.methods import MethodSet
 from rsibr.reconstruct.reconstruction import run
 from rsibr.scene.config import Config

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from rsibr.effects.plan import Effect, LobePlan, Plan
 from rsibr.errors import BakeError
+from rsibr.planning.plan import Effect, LobePlan, Plan
 from rsibr.validate.document import MetricsDocument, metrics_document, metrics_schema
 from rsibr.validate.page import duration, number, size
 from rsibr.validate.report import write_report

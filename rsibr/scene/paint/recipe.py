@@ -46,7 +46,7 @@ class PaintRecipe:
     Attributes
     ----------
     pigment : Colour
-        Reflectance of the pigment, 0 … 1. In a file also the name of a measured patch, see `rsibr.scene.paint.pigments`.
+        Reflectance of the pigment, 0 … 1. In a file also the name of a measured patch; see `pigments.py`.
     flake_tint : Colour
         Reflectance of a metal flake inside the coat, 0 … 1.
     flake_size : float

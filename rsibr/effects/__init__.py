@@ -1,1 +1,0 @@
-"""What a scene calls for: the lobes that a material is made of."""

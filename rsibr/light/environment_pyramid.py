@@ -1,0 +1,201 @@
+"""The light, blurred by Gaussians of many widths and ready to be looked up: as blurred as a lobe asks for.
+
+Each level is an octahedral image of its own size. A level's width is what a bilinear lookup in it amounts to: the
+Gaussian that it was blurred with, and the tent of the lookup itself.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.geometry.frame import frame_of
+from rsibr.geometry.projections.octahedral import bordered, square_from_direction, texel_directions, texel_solid_angles
+from rsibr.geometry.to_device import resident
+from rsibr.light.shared_exponent import bilinear, packed
+
+WIDEST = 1.3
+"""Standard deviation [rad] of the most blurred level: wider ones all but hold the mean."""
+
+_FINENESS = 2.2  # texels a standard deviation
+_LEAST_RESOLUTION = 8
+_IRRADIANCE, _BLOCKS = 64, 128  # texels a side of an irradiance map, and blocks a side of the light that it gathers
+_REACH, _TAPS = 2.8, 9  # of a blur: standard deviations, and taps a side
+
+
+@dataclass(eq=False)
+class LightStack:
+    """Radiance of the light at rising widths of blur, √2 apart but for the first two.
+
+    Attributes
+    ----------
+    texels : mi.Float
+        Texels of all levels, each with a border of one texel, flat: bits of two words a texel (see `texel`).
+    starts, resolutions : mi.UInt32
+        Where each level begins, in texels, and its texels a side.
+    variances : mi.Float
+        Squared standard deviation [rad²] of each level.
+    finest : mi.Float
+        Standard deviation [rad] of level 1 (opaque); level 0 is the light as it is.
+    last : mi.Float
+        Number of the last level (opaque).
+    """
+
+    texels: mi.Float
+    starts: mi.UInt32
+    resolutions: mi.UInt32
+    variances: mi.Float
+    finest: mi.Float
+    last: mi.Float
+
+    @classmethod
+    def of(cls, light: NDArray[np.float32]) -> LightStack:
+        """Blur a light.
+
+        Parameters
+        ----------
+        light : ndarray, shape (R, R, 3)
+            Octahedral picture of the radiance; see `rsibr.light.radiance.light_map`.
+        """
+        spacing = _spacing(len(light))
+        widths = [0.5 * spacing]  # of a box of one texel and a tent of two
+        levels = [light]
+        while widths[-1] < WIDEST:
+            width = spacing * math.sqrt(2) ** (len(levels) - 1)
+            resolution = max(_LEAST_RESOLUTION, min(len(light), math.ceil(_FINENESS * _spacing(1) / width)))
+            added = width**2 - _spacing(resolution) ** 2 / 6 - widths[-1] ** 2
+            levels.append(_blurred(cls._stacked(levels[-1:], widths[-1:]), math.sqrt(added), resolution))
+            widths.append(width)
+        return cls._stacked(levels, widths)
+
+    @classmethod
+    def irradiance(cls, light: NDArray[np.float32], weights: NDArray[np.float64]) -> LightStack:
+        """Gather a light over cosine lobes, bare and coated: one level, to be looked up by the normal.
+
+        Parameters
+        ----------
+        light : ndarray, shape (R, R, 3)
+            Octahedral picture of the radiance.
+        weights : ndarray, shape (2, 3)
+            Of each lobe in each channel; see `rsibr.lobes.gaussians.LobeKernel.matte`.
+        """
+        weights = np.where(weights.any(axis=0), weights, 1.0)  # a black channel needs some shape too
+        radiance, angles, directions = _blocks(light)
+        level = np.empty((_IRRADIANCE**2, 3))
+        normals = np.array(texel_directions(_IRRADIANCE), dtype=np.float64).T
+        for rows in np.array_split(np.arange(len(level)), _IRRADIANCE // 4):  # all at once would fill the memory
+            cosines = np.maximum(normals[rows] @ directions.T, 0)
+            coated = cosines * (1 - (1 - cosines) ** 5)
+            gathered, total = ((cosines @ x) * weights[0] + (coated @ x) * weights[1] for x in (radiance, angles))
+            level[rows] = gathered / total
+        return cls._stacked([level.astype(np.float32).reshape(_IRRADIANCE, _IRRADIANCE, 3)], [1.0])
+
+    @classmethod
+    def _stacked(cls, levels: list[NDArray[np.float32]], widths: list[float]) -> LightStack:
+        images = [packed(bordered(level)).reshape(-1, 2) for level in levels]
+        starts = np.cumsum([0, *map(len, images[:-1])])
+        return cls(
+            texels=resident(mi.Float, np.concatenate(images).view(np.float32)),
+            starts=resident(mi.UInt32, starts.astype(np.uint32)),
+            resolutions=resident(mi.UInt32, np.array([len(level) for level in levels], dtype=np.uint32)),
+            variances=resident(mi.Float, np.square(widths).astype(np.float32)),
+            finest=dr.opaque(mi.Float, widths[min(1, len(widths) - 1)]),
+            last=dr.opaque(mi.Float, len(levels) - 1),
+        )
+
+    def blurred(self, d: mi.Vector3f, width: mi.Float) -> mi.Color3f:
+        """Radiance around a direction.
+
+        Parameters
+        ----------
+        d : mi.Vector3f
+            Unit directions.
+        width : mi.Float
+            Standard deviation [rad] of the Gaussian to see the light through.
+
+        Returns
+        -------
+        mi.Color3f
+            Radiance [W sr⁻¹ m⁻²], mixed from two levels so that the variance is right.
+        """
+        lower = mi.UInt32(dr.clip(self._level(width), 0, self.last - 1))
+        v0, v1 = dr.gather(mi.Float, self.variances, lower), dr.gather(mi.Float, self.variances, lower + 1)
+        share = dr.clip((width * width - v0) / (v1 - v0), 0, 1)
+        return dr.lerp(self.fetch(d, lower), self.fetch(d, lower + 1), share)
+
+    def roughly_blurred(self, d: mi.Vector3f, width: mi.Float) -> mi.Color3f:
+        """Radiance from the one level that comes nearest to `width`: half the lookups of `blurred`."""
+        return self.fetch(d, mi.UInt32(dr.clip(self._level(width) + 0.5, 0, self.last)))
+
+    def fetch(self, d: mi.Vector3f, level: mi.UInt32) -> mi.Color3f:
+        """Bilinear lookup in one level."""
+        start, resolution = dr.gather(mi.UInt32, self.starts, level), dr.gather(mi.UInt32, self.resolutions, level)
+        p, half = square_from_direction(d), 0.5 * mi.Float(resolution)
+        column, row = dr.fma(p.x, half, half + 0.5), dr.fma(p.y, half, half + 0.5)
+        left, top = mi.UInt32(column), mi.UInt32(row)
+        rightward, downward = column - mi.Float(left), row - mi.Float(top)
+        stride = resolution + 2
+        corner = dr.fma(top, stride, left) + start
+        return bilinear(self.texels, corner, stride, rightward, downward)
+
+    def _level(self, width: mi.Float) -> mi.Float:
+        return 2 * dr.log2(dr.maximum(width, 1e-9) / self.finest) + 1
+
+
+def _blocks(light: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Merge texels into a few thousand blocks: radiance times solid angle, solid angle, and mean direction.
+
+    All of shape (blocks, 3).
+    """
+    side = max(1, len(light) // _BLOCKS)
+    count = len(light) // side
+    angles = texel_solid_angles(len(light))[:, None]
+    directions = np.array(texel_directions(len(light)), dtype=np.float64).T
+
+    def merged(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(values.reshape(count, side, count, side, 3).sum(axis=(1, 3)).reshape(-1, 3))
+
+    radiance = light.reshape(-1, 3) * angles
+    brightness = radiance.sum(axis=1, keepdims=True)
+    centres = merged(directions * (brightness + 1e-9 * angles * brightness.max(initial=1e-30)))
+    unit = centres / np.linalg.norm(centres, axis=1, keepdims=True)
+    return merged(radiance), merged(np.repeat(angles, 3, axis=1)), unit
+
+
+def _spacing(resolution: int) -> float:
+    """Mean distance [rad] of neighbouring texels."""
+    return math.sqrt(4 * math.pi) / resolution
+
+
+def _blurred(source: LightStack, width: float, resolution: int) -> NDArray[np.float32]:
+    """Blur the one level of `source` by a Gaussian of standard deviation `width` [rad]."""
+    x, y = (grid.ravel() for grid in np.meshgrid(*[np.linspace(-_REACH, _REACH, _TAPS)] * 2))
+    near = np.hypot(x, y) <= _REACH
+    x, y, weight = x[near], y[near], np.exp(-0.5 * (x**2 + y**2))[near]
+    width *= math.sqrt(weight.sum() / (weight @ x**2))  # what is cut off at the reach would leave the variance short
+    taps = np.stack([x * width, y * width, weight / weight.sum(), 0 * weight], axis=1)
+    packed, count = resident(mi.Float, taps.astype(np.float32)), dr.opaque(mi.UInt32, len(taps))
+    d = texel_directions(resolution)
+    frame = frame_of(d)
+
+    def step(i: mi.UInt32, total: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f]:
+        tap = dr.gather(mi.Vector4f, packed, i)
+        angle = dr.sqrt(tap.x * tap.x + tap.y * tap.y)
+        sine, cosine = dr.sincos(angle)
+        ratio = dr.select(angle > 0, sine / dr.maximum(angle, 1e-9), 1)
+        around = frame @ mi.Vector3f(tap.x * ratio, tap.y * ratio, cosine)
+        return i + 1, total + tap.z * source.fetch(around, mi.UInt32(0))
+
+    _, total = dr.while_loop(
+        state=(mi.UInt32(0), dr.zeros(mi.Color3f, resolution**2)),
+        cond=lambda i, _total: i < count,
+        body=step,
+        labels=("i", "total"),
+        label="blur_light",
+    )
+    return np.array(total, dtype=np.float32).T.reshape(resolution, resolution, 3)

@@ -1,0 +1,55 @@
+"""A latitude–longitude image of the light on the device, interpolated as Mitsuba's `envmap` interpolates it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.geometry.to_device import resident
+from rsibr.light.shared_exponent import bilinear, packed
+
+
+@dataclass(eq=False)
+class LatLongImage:
+    """Texels, and where they lie.
+
+    Attributes
+    ----------
+    texels : mi.Float
+        Rows from the top; after its last column each row has its first again, and the last row comes twice. Flat: bits
+        of two words a texel (see `texel`).
+    height, width : mi.UInt32
+        Texels down and across (opaque).
+    to_image : mi.Matrix3f
+        Rotation from world coordinates to the image's axes.
+    """
+
+    texels: mi.Float
+    height: mi.UInt32
+    width: mi.UInt32
+    to_image: mi.Matrix3f
+
+    @classmethod
+    def of(cls, image: NDArray[np.float32], frame: NDArray[np.float64]) -> LatLongImage:
+        """Put an image on the device; see `rsibr.light.radiance.Light` for both."""
+        bordered = np.pad(np.pad(image, ((0, 0), (0, 1), (0, 0)), mode="wrap"), ((0, 1), (0, 0), (0, 0)), mode="edge")
+        to_image = mi.Matrix3f(frame.T.astype(np.float32))
+        dr.make_opaque(to_image)
+        height, width = (dr.opaque(mi.UInt32, size) for size in image.shape[:2])
+        return cls(resident(mi.Float, packed(bordered).view(np.float32)), height, width, to_image)
+
+    def fetch(self, d: mi.Vector3f) -> mi.Color3f:
+        """Radiance [W sr⁻¹ m⁻²] from unit directions in world coordinates, bilinear."""
+        local = self.to_image @ d
+        turn = dr.atan2(local.x, -local.z) * dr.inv_two_pi
+        column = (turn - dr.floor(turn)) * mi.Float(self.width) - 0.5
+        column = dr.select(column < 0, column + mi.Float(self.width), column)
+        row = dr.safe_acos(local.y) * dr.inv_pi * mi.Float(self.height - 1)
+        left, top = dr.minimum(mi.UInt32(column), self.width - 1), dr.minimum(mi.UInt32(row), self.height - 1)
+        rightward, downward = column - mi.Float(left), row - mi.Float(top)
+        corner = dr.fma(top, self.width + 1, left)
+        return bilinear(self.texels, corner, self.width + 1, rightward, downward)

@@ -1,0 +1,177 @@
+"""Measures the light: how uneven it is, how coloured, how much of it sits in small sources, how fast it varies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.light.harmonics import LMAX, band_power, coefficients, reduced
+
+SMALL = 1e-3
+"""Share of the sphere that counts as small: the sun takes 5e-6 of it, a studio lamp some 1e-2."""
+
+UNRESOLVED = 1e9
+"""Relative variance that stands for a source without extent, such as a `directional` emitter."""
+
+_ROWS, _COLUMNS = 256, 512
+_DRAWS = 2**14
+_MISSED = 0.01  # share of the power that the grid may miss before a small source is looked for
+
+
+@dataclass(frozen=True, eq=False)
+class LightProbe:
+    """What the light is like. Statistics are over directions, uniformly over the sphere.
+
+    Attributes
+    ----------
+    mean : tuple of three floats
+        Mean radiance [W sr⁻¹ m⁻²] in red, green, blue; of a source without extent its share is left out.
+    variance : float
+        Relative variance of the radiance, ⟨L²⟩/⟨L⟩² − 1 of the mean of the channels: 0 for a constant sky;
+        `UNRESOLVED` where a source has no extent.
+    contrast : float
+        Largest radiance over the mean.
+    peak_share : float
+        Share of the light that comes from the brightest `SMALL` of the sphere.
+    chroma : float
+        Root mean square of green and blue against red, relative to the radiance's: 0 for grey light.
+    bands : ndarray, shape (LMAX + 1,)
+        Share of ⟨L²⟩ in each band of spherical harmonics; sum at most 1.
+    spectrum : ndarray, shape (LMAX + 1, LMAX + 1), complex
+        Spherical-harmonic coefficients of the mean of the channels, m ≥ 0, over its mean; `rsibr.light.harmonics`.
+    small : ndarray, shape (h, w)
+        The map itself, mean of the channels over its mean, at most 128 × 256.
+    """
+
+    mean: tuple[float, float, float]
+    variance: float
+    contrast: float
+    peak_share: float
+    chroma: float
+    bands: NDArray[np.float64] = field(repr=False)
+    spectrum: NDArray[np.complex128] = field(repr=False)
+    small: NDArray[np.float64] = field(repr=False)
+
+    @property
+    def beyond(self) -> float:
+        """Share of ⟨L²⟩ beyond band `LMAX`."""
+        return max(0.0, 1.0 - float(self.bands.sum()))
+
+    @property
+    def is_black(self) -> bool:
+        """Whether there is no light at all."""
+        return not any(self.mean) and self.variance != UNRESOLVED
+
+
+def probe_light(emitter: dict[str, Any], image: NDArray[np.float32] | None) -> LightProbe:
+    """Measure an environment.
+
+    Parameters
+    ----------
+    emitter : dict
+        Mitsuba emitter at infinity.
+    image : ndarray (H, W, 3), or None
+        Its latitude–longitude map as Mitsuba lays it out, rows from pole to pole; None where it is no map.
+
+    Returns
+    -------
+    LightProbe
+
+    Notes
+    -----
+    An emitter that is no map is evaluated on a grid of directions; light that the grid misses (a sun of half a degree)
+    is found by the emitter's own sampling and put into the texel that it comes from.
+    """
+    if image is not None:
+        return _statistics(image, has_delta=False)
+    scene = mi.load_dict({"type": "scene", "light": emitter})
+    has_delta = mi.has_flag(scene.emitters()[0].flags(), mi.EmitterFlags.Delta)
+    return _statistics(_without_losses(scene, _on_grid(scene)), has_delta)
+
+
+def band_solid_angles(rows: int) -> NDArray[np.float64]:
+    """Solid angle [sr] of the band of each row of a map whose first and last row lie on the poles; sum 4π."""
+    if rows == 1:
+        return np.array([4 * np.pi])
+    edges = np.clip((np.arange(rows + 1) - 0.5) / (rows - 1), 0, 1) * np.pi
+    return np.asarray(-2 * np.pi * np.diff(np.cos(edges)))
+
+
+def _statistics(image: NDArray[np.float32], has_delta: bool) -> LightProbe:
+    brightest = float(image.max(initial=0.0))
+    smaller = reduced(image, _ROWS, _COLUMNS) if image.shape[0] > 4 * _ROWS else image.astype(np.float64)
+    weight = (
+        np.repeat(band_solid_angles(len(smaller))[:, None] / smaller.shape[1], smaller.shape[1], axis=1) / 4 / np.pi
+    )
+    mean = np.einsum("hw,hwc->c", weight, smaller)
+    grey = smaller.mean(axis=2)
+    level = float((weight * grey).sum())
+    second = float((weight * grey**2).sum())
+    if level <= 0:
+        bands, spectrum = np.zeros(LMAX + 1), np.zeros((LMAX + 1, LMAX + 1), dtype=np.complex128)
+        return LightProbe((0.0, 0.0, 0.0), UNRESOLVED if has_delta else 0.0, 0.0, 0.0, 0.0, bands, spectrum, grey)
+    spectrum = coefficients(grey / level)
+    return LightProbe(
+        mean=(float(mean[0]), float(mean[1]), float(mean[2])),
+        variance=UNRESOLVED if has_delta else min(max(0.0, second / level**2 - 1), UNRESOLVED),
+        contrast=max(brightest, float(smaller.max())) / level,
+        peak_share=_peak_share(grey, weight) / level,
+        chroma=_chroma(smaller, weight),
+        bands=band_power(spectrum) / max(second / level**2, 1e-30),
+        spectrum=spectrum,
+        small=reduced(grey[..., None] / level, _ROWS // 2, _COLUMNS // 2)[..., 0],
+    )
+
+
+def _peak_share(grey: NDArray[np.float64], weight: NDArray[np.float64]) -> float:
+    """Light from the brightest `SMALL` of the sphere; the texel at its edge counts in part."""
+    order = np.argsort(grey, axis=None)[::-1]
+    weights = weight.ravel()[order]
+    before = np.cumsum(weights) - weights
+    taken = np.clip(SMALL - before, 0, weights)
+    return float((taken * grey.ravel()[order]).sum())
+
+
+def _chroma(image: NDArray[np.float64], weight: NDArray[np.float64]) -> float:
+    """Difference of green and blue from red, by their root mean square, relative to that of the radiance."""
+    difference = ((image[..., 1:] - image[..., :1]) ** 2).max(axis=2)
+    return float(np.sqrt((weight * difference).sum() / max((weight * image.max(axis=2) ** 2).sum(), 1e-300)))
+
+
+def _on_grid(scene: mi.Scene) -> NDArray[np.float32]:
+    """Radiance on a latitude–longitude grid, shape (H, W, 3); what has no extent is not seen."""
+    environment = scene.environment()
+    if environment is None:
+        return np.zeros((_ROWS, _COLUMNS, 3), dtype=np.float32)
+    index = dr.arange(mi.UInt32, _ROWS * _COLUMNS)
+    polar = dr.pi / (_ROWS - 1) * (index // _COLUMNS)
+    azimuth = 2 * dr.pi / _COLUMNS * (index % _COLUMNS + 0.5)
+    sine, cosine = dr.sincos(polar)
+    si = dr.zeros(mi.SurfaceInteraction3f, _ROWS * _COLUMNS)
+    si.wi = -mi.Vector3f(sine * dr.sin(azimuth), cosine, -sine * dr.cos(azimuth))
+    values = np.array(environment.eval(si), dtype=np.float32).reshape(3, -1).T
+    return np.ascontiguousarray(np.broadcast_to(values, (_ROWS * _COLUMNS, 3))).reshape(_ROWS, _COLUMNS, 3)
+
+
+def _without_losses(scene: mi.Scene, grid: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Put the light that falls between the grid's points into the texel of the brightest direction drawn."""
+    u = mi.Point2f(*dr.meshgrid(*[(dr.arange(mi.Float, int(_DRAWS**0.5)) + 0.5) / _DRAWS**0.5] * 2))
+    drawn, weight = scene.sample_emitter_direction(dr.zeros(mi.Interaction3f, dr.width(u)), u, False)
+    weights = np.array(weight, dtype=np.float64).reshape(3, -1)
+    power = weights.mean(axis=1)
+    solid = np.repeat(band_solid_angles(_ROWS)[:, None] / _COLUMNS, _COLUMNS, axis=1)
+    missing = power - np.einsum("hw,hwc->c", solid, grid)
+    if scene.environment() is None or missing.sum() <= _MISSED * power.sum():
+        return grid
+    radiance = weights.sum(axis=0) * np.broadcast_to(np.array(drawn.pdf, dtype=np.float64), weights.shape[1])
+    x, y, z = np.array(drawn.d, dtype=np.float64).reshape(3, -1)[:, int(radiance.argmax())]
+    row = round(np.arccos(np.clip(y, -1, 1)) / np.pi * (_ROWS - 1))
+    column = int(np.arctan2(x, -z) / (2 * np.pi) * _COLUMNS) % _COLUMNS
+    whole = grid.copy()
+    whole[row, column] += np.maximum(missing, 0) / solid[row, column]
+    return whole

@@ -1,0 +1,124 @@
+"""The distant light as a bake keeps it: what the model of a lobe is made from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.geometry.projections.octahedral import texel_directions
+from rsibr.scene.environment import Environment
+from rsibr.scene.wavelengths import Wavelengths
+
+RESOLUTION = 512
+"""Texels a side: 0.4° each, as fine as an environment map of 1024 × 512."""
+
+DELTA_RESOLUTION = 1024
+"""Texels a side for a material with a delta lobe, which blurs nothing, where the environment is no image itself."""
+
+_LEAST_COLUMNS = 2
+"""Columns of an image, and one row more, below which Mitsuba shows another than was given: it resamples it."""
+
+_WAVELENGTHS = 64
+"""Points of the sum over wavelengths, four wavelengths each: 2 nm apart."""
+
+_POINTS = 3  # a side and texel at least, and so many a side and texel of the environment's
+_MOST_POINTS = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """What a bake keeps of its environment.
+
+    Attributes
+    ----------
+    picture : ndarray, shape (R, R, 3), float32
+        Mean radiance [W sr⁻¹ m⁻²] over octahedral texels; see `light_map`. What wide lobes are blurred from.
+    image : ndarray, shape (H, W, 3), float32, or None
+        The environment's own latitude–longitude image, for a delta lobe shows every texel of it: column i at
+        u = (i+½)/W, row j at v = j/(H−1). None where there is no delta lobe, or no image.
+    frame : ndarray, shape (3, 3)
+        Axes of the image in world coordinates: +Y is up in it, and its column u = 0 lies at −Z.
+    """
+
+    picture: NDArray[np.float32]
+    image: NDArray[np.float32] | None = None
+    frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+
+    @property
+    def nbytes(self) -> int:
+        """Size in memory [bytes]."""
+        return self.picture.nbytes + (0 if self.image is None else self.image.nbytes)
+
+
+def light_of(environment: Environment, with_image: bool) -> Light:
+    """Look at an environment from all sides.
+
+    Parameters
+    ----------
+    environment : Environment
+        Of the bake; RGB, or in the variant that is set.
+    with_image : bool
+        Whether its image is wanted as it is, or in place of one that it does not have a finer picture.
+    """
+    emitter, width, image, frame = environment.emitter(), environment.width, environment.image, environment.frame
+    if not with_image:
+        return Light(light_map(emitter, width))
+    if image is None or frame is None or min(image.shape[0] - 1, image.shape[1]) < _LEAST_COLUMNS:
+        return Light(light_map(emitter, width, DELTA_RESOLUTION))
+    return Light(light_map(emitter, width), image, frame)
+
+
+def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUTION) -> NDArray[np.float32]:
+    """Mean radiance of the light over each texel.
+
+    Parameters
+    ----------
+    emitter : dict
+        Mitsuba emitter at infinity.
+    width : int
+        Columns of its image, if it has one: finer images are looked up at more points.
+    resolution : int
+        Texels a side, R.
+
+    Returns
+    -------
+    ndarray, shape (R, R, 3), float32
+        Radiance [W sr⁻¹ m⁻²]; see `rsibr.geometry.projections.octahedral`. Black where the emitter is no
+        environment, such as `directional`.
+    """
+    environment = mi.load_dict({"type": "scene", "light": emitter}).environment()
+    if environment is None:
+        return np.zeros((resolution, resolution, 3), dtype=np.float32)
+    finer = math.ceil(_POINTS * width / (math.sqrt(math.pi) * resolution))  # a texel's angle over 2π/width
+    points = min(max(_POINTS, finer), _MOST_POINTS)
+    total = dr.zeros(mi.Color3f, resolution**2)  # a constant emitter answers for all lanes at once
+    offsets = (np.arange(points) + 0.5) / points
+    for right in offsets:
+        for down in offsets:  # a pass a point, lest a fine environment fills the memory
+            total += _radiance(environment, texel_directions(resolution, float(right), float(down)))
+            dr.eval(total)
+    return np.array(total / points**2, dtype=np.float32).T.reshape(resolution, resolution, 3)
+
+
+def _radiance(environment: mi.Emitter, d: mi.Vector3f) -> mi.Color3f:
+    """Light from the direction `d`; in spectral rendering as an observer sees it, summed over wavelengths."""
+    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(d))
+    si.wi = -d
+    if not mi.is_spectral:
+        return environment.eval(si)
+
+    def seen(place: mi.UInt32, total: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f]:
+        wavelengths = Wavelengths.at((mi.Float(place) + 0.5) / _WAVELENGTHS)
+        si.wavelengths = wavelengths.nm
+        radiance = mi.unpolarized_spectrum(environment.eval(si)) * wavelengths.weight
+        return place + 1, total + wavelengths.seen(radiance)
+
+    state = mi.UInt32(0), dr.zeros(mi.Color3f)
+    _, total = dr.while_loop(state, lambda place, _total: place < _WAVELENGTHS, seen, label="wavelengths")
+    return total / _WAVELENGTHS

@@ -1,0 +1,120 @@
+"""Directional albedo of each lobe of a material, as a table over the viewing angle."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.geometry.to_device import resident
+from rsibr.lobes.bsdf_eval import interaction
+from rsibr.lobes.low_discrepancy import sobol
+
+NODES = 65
+"""Entries of a table, even in √cos θ: closest together at grazing angles, where an albedo bends most."""
+
+POINTS = 2**12
+"""Directions of the light at each entry, in each of the ways to draw them."""
+
+_WIDTHS = (0.005, 0.02, 0.08, 0.3)  # of the microfacet lobes that are sampled beside the cosine lobe
+
+
+class Lobed(Protocol):
+    """What a table asks of a material."""
+
+    def parts(self, wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
+        """BRDF times cosine of each lobe [sr⁻¹]."""
+
+
+def node_cosines() -> NDArray[np.float64]:
+    """Cosines of the viewing angle at the nodes, shape (NODES,), from grazing (slightly above 0) to head-on."""
+    return np.maximum(np.linspace(0, 1, NODES) ** 2, 1e-5)
+
+
+def albedo_tables(material: Lobed, points: int = POINTS) -> list[NDArray[np.float64]]:
+    """E_k(cos θ_o) = ∫ f ω_k cos θ_i dω_i for each lobe.
+
+    Parameters
+    ----------
+    material : Lobed
+        Its lobes; delta components do not take part.
+    points : int
+        Directions of the light at each angle and in each way to draw them, a power of two.
+
+    Returns
+    -------
+    list of ndarray, each of shape (NODES, 3)
+        Albedos, one table a lobe.
+
+    Notes
+    -----
+    Quadrature, not noise: the same low-discrepancy points at every angle, drawn from a mixture of a cosine lobe and
+    microfacet lobes of several widths and weighted by the balance heuristic (Veach 1997, section 9.2), so that every
+    width of lobe is resolved and what error is left varies smoothly with the angle.
+    """
+    lanes = dr.arange(mi.UInt32, NODES * points)
+    cosine = dr.gather(mi.Float, resident(mi.Float, node_cosines().astype(np.float32)), lanes // points)
+    wo = mi.Vector3f(dr.sqrt(1 - cosine * cosine), 0, cosine)
+    u = dr.gather(mi.Point2f, low_discrepancy(points), lanes % points)
+    total = _albedos(material, wo, mi.warp.square_to_cosine_hemisphere(u), points)
+    for width in _WIDTHS:  # one kernel for all: their number is opaque, and a BSDF is long to compile
+        total = total + _albedos(material, wo, _around_mirror(u, wo, dr.opaque(mi.Float, width)), points)
+    return list(total)
+
+
+def _albedos(material: Lobed, wo: mi.Vector3f, wi: mi.Vector3f, points: int) -> NDArray[np.float64]:
+    """Part of the albedos that directions `wi` drawn in one way bring in, shape (lobes, NODES, 3)."""
+    weight = dr.select(wi.z > 0, 1 / _density(wi, wo), 0)
+    parts = [channel for part in material.parts(wi, wo) for channel in dr.select(weight > 0, part * weight, 0)]
+    dr.eval(parts)
+    sums = [np.array(dr.block_sum(channel, points), dtype=np.float64) / points for channel in parts]
+    return np.stack(sums).reshape(-1, 3, NODES).swapaxes(1, 2)
+
+
+def low_discrepancy(points: int) -> mi.Float:
+    """The same points of the unit square at every angle: what error they leave varies smoothly with it."""
+    return resident(mi.Float, sobol(2, points, seed=11).astype(np.float32))
+
+
+def mirror_albedo(bsdf: mi.BSDF) -> NDArray[np.float64]:
+    """Reflectance of the delta component over the viewing angle in RGB rendering, shape (NODES, 3)."""
+    return np.array(delta_reflectance(bsdf), dtype=np.float64).reshape(3, -1).T
+
+
+def delta_reflectance(bsdf: mi.BSDF, wavelengths: mi.Spectrum | None = None) -> mi.UnpolarizedSpectrum:
+    """Reflectance of the delta component at the nodes of the viewing angle; in spectra at wavelengths [nm]."""
+    cosines = mi.Float(node_cosines().astype(np.float32))
+    context = mi.BSDFContext()
+    context.type_mask = int(mi.BSDFFlags.DeltaReflection)
+    wo = mi.Vector3f(dr.sqrt(dr.maximum(1 - cosines * cosines, 0)), 0, cosines)
+    drawn, weight = bsdf.sample(context, interaction(wo, wavelengths), mi.Float(0.5), mi.Point2f(0.5))
+    is_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.DeltaReflection)
+    return dr.select(is_delta, mi.unpolarized_spectrum(weight), 0)
+
+
+def _around_mirror(u: mi.Point2f, wo: mi.Vector3f, alpha: mi.Float) -> mi.Vector3f:
+    tangent = alpha * dr.sqrt(u.x / dr.maximum(1 - u.x, 1e-7))
+    cosine = dr.rsqrt(1 + tangent * tangent)
+    sine, (s, c) = tangent * cosine, dr.sincos(2 * dr.pi * u.y)
+    h = mi.Vector3f(sine * c, sine * s, cosine)
+    return 2 * dr.dot(h, wo) * h - wo
+
+
+def _density(wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
+    """Sum of the densities [sr⁻¹] of all the ways to draw `wi`."""
+    density = dr.maximum(wi.z, 0) * dr.inv_pi
+    h = dr.normalize(wi + wo)
+    for alpha in _WIDTHS:
+        base = h.z * h.z * (alpha * alpha - 1) + 1
+        distribution = alpha * alpha / (dr.pi * base * base)
+        density += distribution * dr.maximum(h.z, 0) / (4 * dr.maximum(dr.abs(dr.dot(h, wo)), 1e-6))
+    return dr.maximum(density, 1e-20)
+
+
+def over_disk(table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean over the disk of a sphere map of what is given at the nodes of the viewing angle: ∫ 2 cos θ E d cos θ."""
+    squares = node_cosines() ** 2
+    return np.asarray(np.trapezoid(table, squares, axis=0) / (squares[-1] - squares[0]))

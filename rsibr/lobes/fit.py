@@ -1,0 +1,213 @@
+"""Fits proxy lobes to any isotropic BRDF, each colour channel by itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import pairwise
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from rsibr.lobes.basis import LAMBERT, lobe_values
+from rsibr.lobes.bsdf_eval import reflected
+from rsibr.lobes.components import LEAST_SHARE, told_apart
+from rsibr.lobes.low_discrepancy import sobol
+
+ROUGHNESSES: tuple[float, ...] = (LAMBERT, *np.geomspace(0.004, 1.0, 24).tolist())
+"""Lobes that a fit may use."""
+
+COSINES_OUT = (0.98, 0.8, 0.6, 0.4, 0.25, 0.12)
+"""Viewing angles at which the BRDF is probed."""
+
+WIDEST_GAP = 1.9
+"""Ratio of neighbouring roughnesses beyond which two fitted lobes are two, not one that the dictionary straddles."""
+
+MOST_GLOSSY = 2
+"""Fitted glossy lobes at most: a coat and what lies under it. Each costs a layer in every map. Components that are told
+apart have one each at least."""
+
+ALL_BUT_MATTE = 0.35, 0.05
+"""Roughness from which on a fitted lobe joins the matte one, and share of the energy up to which it does: it mends the
+matte stand-in rather than being a lobe of its own."""
+
+_TINY = 1e-12
+_DRAWS = 128
+_PROBED = (0.004, 0.02, 0.07, 0.25, 0.7)  # widths at which light directions are drawn: dense wherever a lobe may be
+
+
+@dataclass(frozen=True)
+class ProxyLobe:
+    """A sum of proxies of similar roughness.
+
+    Attributes
+    ----------
+    alphas : tuple of float
+        Roughness of each; `LAMBERT` for a matte lobe.
+    coefficients : tuple of ndarray, each of shape (terms, 3)
+        Coefficient of each basis function of that roughness in each channel, ≥ 0; see `proxy.lobe_values`.
+    component : int or None
+        The component of the BSDF that it stands in for, or for a part of; None where components are not told apart.
+    """
+
+    alphas: tuple[float, ...]
+    coefficients: tuple[NDArray[np.float64], ...]
+    component: int | None = None
+
+    @property
+    def is_matte(self) -> bool:
+        """Whether the lobe follows the normal."""
+        return LAMBERT in self.alphas
+
+    @property
+    def alpha(self) -> float:
+        """Mean roughness, by the energy that each proxy carries head-on; `LAMBERT` for a matte lobe."""
+        if self.is_matte:
+            return LAMBERT
+        weights = [float(c.sum() - 0.95 * c[1:2].sum()) + _TINY for c in self.coefficients]  # grazing is faint head-on
+        return float(np.exp(np.average(np.log(self.alphas), weights=weights)))
+
+
+def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
+    """Fit a BRDF by a few lobes, widest first.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF
+        Any isotropic BSDF; its delta components do not take part.
+
+    Returns
+    -------
+    list of ProxyLobe
+        At least one. Where Mitsuba tells components apart, each is fitted by itself.
+
+    Notes
+    -----
+    Non-negative least squares of the relative error over directions drawn around every width of lobe (Lawson & Hanson
+    1974). Per channel, because a red paint's highlight is white: proxies that the channels share would put it into the
+    diffuse lobe in green and blue.
+    """
+    wi, wo, density = _directions()
+    components: list[int] | list[None] = told_apart(bsdf, wi, wo, density) or [None]
+    matte = [c is not None and mi.has_flag(bsdf.flags(c), mi.BSDFFlags.Diffuse) for c in components]
+    glossy = ROUGHNESSES if len(components) == 1 else ROUGHNESSES[1:]
+    most = max(MOST_GLOSSY // max(matte.count(False), 1), 1)
+    lobes = [
+        replace(lobe, component=component)
+        for component, is_matte in zip(components, matte, strict=True)
+        for lobe in _fitted(reflected(bsdf, wi, wo, component), (LAMBERT,) if is_matte else glossy, most)
+    ]
+    return sorted(lobes, key=lambda lobe: (not lobe.is_matte, -lobe.alpha))
+
+
+def _fitted(wanted: NDArray[np.float64], roughnesses: tuple[float, ...], most_glossy: int) -> list[ProxyLobe]:
+    """Fit values at `_directions` by proxies of some roughnesses."""
+    wi, wo, density = _directions()
+    terms = [_columns(wi, wo, alpha) for alpha in roughnesses]
+    basis = np.concatenate(terms, axis=1)
+    weight = 1.0 / np.sqrt(density[:, None] * (wanted + 1e-3 * wanted.max(axis=0, initial=1e-12, keepdims=True) + 1e-6))
+    solved = np.stack([nnls(basis * weight[:, c, None], wanted[:, c] * weight[:, c])[0] for c in range(3)], axis=1)
+    ends = np.cumsum([part.shape[1] for part in terms])
+    coefficients = np.split(solved, ends[:-1])
+    energy = [float((part / density[:, None] @ c).sum()) for part, c in zip(terms, coefficients, strict=True)]
+    return [
+        ProxyLobe(tuple(roughnesses[i] for i in members), tuple(coefficients[i] for i in members))
+        for members in _clusters(roughnesses, energy, most_glossy)
+    ]
+
+
+def _clusters(roughnesses: tuple[float, ...], energy: list[float], most_glossy: int) -> list[list[int]]:
+    """Group the roughnesses that carry energy: matte stands alone, and at most `most_glossy` others."""
+    total = sum(energy)
+    if total <= 0:
+        return [[0]]
+    matte = [[i] for i, alpha in enumerate(roughnesses) if alpha == LAMBERT and energy[i] >= LEAST_SHARE * total]
+    groups: list[list[int]] = []
+    for i, alpha in enumerate(roughnesses):
+        if alpha == LAMBERT or energy[i] <= 1e-6 * total:
+            continue
+        if groups and alpha < WIDEST_GAP * roughnesses[groups[-1][-1]]:
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    glossy = _merged(groups, np.log(np.maximum(roughnesses, _TINY)), energy, most_glossy)
+    least, share = ALL_BUT_MATTE
+    while matte and glossy and roughnesses[glossy[-1][0]] >= least and _carried(glossy[-1], energy) < share * total:
+        matte[0] += glossy.pop()
+    return [*matte, *reversed(glossy)] or [[0]]
+
+
+def _carried(group: list[int], energy: list[float]) -> float:
+    return sum(energy[i] for i in group)
+
+
+def _merged(
+    groups: list[list[int]], place: NDArray[np.float64], energy: list[float], most_glossy: int
+) -> list[list[int]]:
+    """Let faint groups join the nearest, and then the nearest join one another, until few enough are left."""
+    least = LEAST_SHARE * sum(energy)
+
+    def centre(group: list[int]) -> float:
+        return float(np.average(place[group], weights=[energy[i] for i in group]))
+
+    while len(groups) > 1:
+        gaps = [centre(b) - centre(a) for a, b in pairwise(groups)]
+        faintest = int(np.argmin([_carried(group, energy) for group in groups]))
+        if _carried(groups[faintest], energy) < least:
+            left = (
+                faintest - 1
+                if faintest == len(gaps) or (faintest > 0 and gaps[faintest - 1] < gaps[faintest])
+                else faintest
+            )
+        elif len(groups) > most_glossy:
+            left = int(np.argmin(gaps))
+        else:
+            break
+        groups[left : left + 2] = [groups[left] + groups[left + 1]]
+    return groups
+
+
+def _columns(wi: NDArray[np.float64], wo: NDArray[np.float64], alpha: float) -> NDArray[np.float64]:
+    values = lobe_values(mi.Vector3f(wi.T.astype(np.float32)), mi.Vector3f(wo.T.astype(np.float32)), alpha)
+    return np.stack([np.array(value, dtype=np.float64) for value in values], axis=1)
+
+
+@cache
+def _directions() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Pairs of directions, and the density [sr⁻¹] of the light directions, summed over the ways to draw them."""
+    u = sobol(2, _DRAWS, seed=7)
+    wi, wo = [], []
+    for cosine in COSINES_OUT:
+        out = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
+        for alpha in _PROBED:
+            wi.append(_mirrored(_ggx_normals(u, alpha), out))
+        radius, turn = np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
+        wi.append(np.stack([radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - u[:, 0])], axis=1))
+        wo.append(np.tile(out, ((len(_PROBED) + 1) * _DRAWS, 1)))
+    light, view = np.concatenate(wi), np.concatenate(wo)
+    above = light[:, 2] > 1e-3
+    light, view = light[above], view[above]
+    return light, view, _density(light, view)
+
+
+def _ggx_normals(u: NDArray[np.float64], alpha: float) -> NDArray[np.float64]:
+    tangent = alpha * np.sqrt(u[:, 0] / (1 - u[:, 0]))
+    cosine = 1 / np.sqrt(1 + tangent**2)
+    sine = np.sqrt(1 - cosine**2)
+    return np.stack([sine * np.cos(2 * np.pi * u[:, 1]), sine * np.sin(2 * np.pi * u[:, 1]), cosine], axis=1)
+
+
+def _mirrored(h: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(2 * (h @ wo)[:, None] * h - wo)
+
+
+def _density(wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:
+    h = wi + wo
+    h /= np.linalg.norm(h, axis=1, keepdims=True)
+    density = np.maximum(wi[:, 2], 0) / np.pi
+    for alpha in _PROBED:
+        distribution = alpha**2 / (np.pi * (h[:, 2] ** 2 * (alpha**2 - 1) + 1) ** 2)
+        density = density + distribution * h[:, 2] / (4 * np.maximum((h * wo).sum(1), 1e-6))
+    return np.asarray(density)

@@ -1,0 +1,171 @@
+"""Decisions on the material's lobes: which there are, which need maps, from how many views."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from rsibr.geometry.viewpoints import VIEW_COUNTS
+from rsibr.light.probe import LightProbe
+from rsibr.planning.material_probe import LobeProbe, MaterialProbe
+from rsibr.planning.model import interpolation_error, relative_power
+from rsibr.planning.plan import NEGLIGIBLE, Effect, LobePlan, decided, number
+from rsibr.scene.config import EffectsConfig
+
+COAT_ALPHA = 0.1
+"""Roughness up to which the narrowest of several lobes counts as that of a clear coat."""
+
+PRESENT = 1e-9
+"""relMSE above which a lobe counts as being there: lobes that are there are simulated, however faint."""
+
+_ENOUGH = 1e-3
+"""relMSE of interpolation, before any correction, at which a number of views suffices for a lobe."""
+
+IN_SPECTRA = "its closed form is of RGB, and maps are rendered in spectra"
+"""Why a lobe that would need no maps has some."""
+
+Weights = dict[str, float]
+"""For each lobe by name the relMSE that leaving it out would make."""
+
+LOBE_EFFECTS = ("diffuse", "glossy", "clear_coat", "mirror")
+"""Effects that are lobes of the material."""
+
+
+def effect_of(lobe: LobeProbe, lobes: tuple[LobeProbe, ...]) -> str:
+    """Name of the effect that a lobe belongs to, one of `LOBE_EFFECTS`.
+
+    The clear coat is the narrowest glossy lobe, up to `COAT_ALPHA`, where a wider one lies below it.
+    """
+    if lobe.kind != "glossy":
+        return lobe.kind
+    narrowest = min((other.alpha for other in lobes if other.kind == "glossy"), default=0.0)
+    covers = any(other.kind != "mirror" and other is not lobe for other in lobes)
+    return "clear_coat" if lobe.alpha == narrowest and lobe.alpha <= COAT_ALPHA and covers else "glossy"
+
+
+def lobe_effects(material: MaterialProbe, left_out: Weights, settings: EffectsConfig) -> Iterator[Effect]:
+    """Decide on each kind of lobe: on where the material has it, unless forced off."""
+    names = {
+        "diffuse": ("a matte lobe, warped by the normal", "the material has no matte lobe"),
+        "glossy": ("glossy lobes, each warped by its own mirror direction", "the material has no further glossy lobe"),
+        "clear_coat": ("a narrow lobe over wider ones", "the material has no narrow lobe over wider ones"),
+        "mirror": ("a perfect mirror: environment lookup times Fresnel", "the material has no perfect mirror"),
+    }
+    for name, (why_on, why_off) in names.items():
+        members = [lobe for lobe in material.lobes if effect_of(lobe, material.lobes) == name]
+        error = sum(left_out[lobe.name] for lobe in members)
+        share = sum(lobe.share for lobe in members)
+        roughness = ", ".join(f"α {lobe.alpha:.3g}" for lobe in members if lobe.kind == "glossy")
+        more = f" ({roughness})" if roughness else ""
+        yield decided(
+            name, getattr(settings, name), share, PRESENT, "of the reflected light", why_on + more, why_off,
+            error_if_left_out=min(1.0, error),
+        )  # fmt: skip
+
+
+def fresnel_effect(material: MaterialProbe, settings: EffectsConfig) -> Effect:
+    """Whether the directional albedo varies enough over the angle to be carried with the surface."""
+    return decided(
+        "fresnel", settings.fresnel, material.fresnel, NEGLIGIBLE, "relMSE of an albedo that is the same at all angles",
+        "the albedo of each lobe goes with the surface's angle", "the albedo hardly varies over the angle",
+        error_if_left_out=material.fresnel,
+    )  # fmt: skip
+
+
+def view_effect(
+    material: MaterialProbe, left_out: Weights, light: LightProbe, settings: EffectsConfig, no_closed_form: bool = False
+) -> Effect:
+    """Whether the look depends on the view at all, beyond what has a closed form."""
+    residual = max(closed_form_error(lobe, left_out[lobe.name], light) for lobe in material.lobes)
+    effect = decided(
+        "view_dependence", settings.view_dependence, residual, NEGLIGIBLE, "relMSE of closed forms, estimated",
+        "maps from several views are interpolated", _without_views(material, light),
+        error_if_left_out=min(1.0, residual),
+    )  # fmt: skip
+    if no_closed_form and not effect.on and effect.forced is None:
+        return replace(effect, on=True, why=IN_SPECTRA, error_if_left_out=None)
+    return effect
+
+
+def lobe_maps(
+    lobe: LobeProbe, left_out: float, light: LightProbe, forced: str = "auto", no_closed_form: bool = False
+) -> LobePlan:
+    """Decide whether a lobe needs maps, and from how many views: the one place where that is decided.
+
+    Parameters
+    ----------
+    lobe : LobeProbe
+        The lobe.
+    left_out : float
+        relMSE that leaving it out would make, see `rsibr.planning.maps.left_out_errors`.
+    light : LightProbe
+        The environment.
+    forced : {"auto", "on", "off"}
+        `effects.view_dependence`: whether maps from several views are insisted on, or ruled out.
+    no_closed_form : bool
+        Whether maps are rendered in spectra that vary over the sky: closed forms are products of RGB, and do not serve.
+
+    Returns
+    -------
+    LobePlan
+
+    Notes
+    -----
+    Without maps, three closed forms serve. Under a constant sky L = E(θ) L₀, whatever the lobe. A perfect mirror is
+    E(θ) times the environment in the mirror direction. A matte lobe is E(θ) times the irradiance of its normal over π,
+    as far as it has Lambert's shape. Of these the error is estimated, and maps are needed where it is not negligible.
+    """
+    error = closed_form_error(lobe, left_out, light)
+    needed = error > NEGLIGIBLE or no_closed_form if forced == "auto" else forced == "on"
+    if needed and error <= NEGLIGIBLE and no_closed_form:
+        return LobePlan(lobe.name, True, VIEW_COUNTS[0], error, NEGLIGIBLE, IN_SPECTRA)
+    if not needed:
+        why = _closed_form(lobe, light) if error <= NEGLIGIBLE else "forced off: the nearest closed form stands in"
+        return LobePlan(lobe.name, False, 0, error, NEGLIGIBLE, why)
+    if lobe.kind == "diffuse":
+        why = f"warped by the normal: its shape is not quite Lambert's (off by {number(lobe.shape_error)}, relative)"
+        return LobePlan(lobe.name, True, VIEW_COUNTS[0], error, NEGLIGIBLE, why)
+    views = next(
+        (count for count in VIEW_COUNTS if interpolation_error(lobe, left_out, light, count) <= _ENOUGH),
+        VIEW_COUNTS[-1],
+    )
+    reached = interpolation_error(lobe, left_out, light, views)
+    why = f"interpolated between {views} views it errs by {number(reached)} before corrections, by the estimate"
+    return LobePlan(lobe.name, True, views, error, NEGLIGIBLE, why)
+
+
+def closed_form_error(lobe: LobeProbe, left_out: float, light: LightProbe) -> float:
+    """Error (relMSE) of the best closed form of a lobe, estimated; see `lobe_maps`."""
+    if lobe.kind == "mirror" or light.is_black:
+        return 0.0
+    uneven = max(relative_power(lobe, light) - 1, 0.0)
+    if lobe.kind == "diffuse":
+        # What the shape's difference collects of the sky: nothing of its mean, which the albedo carries already
+        uneven = min(uneven, min(1.0, light.variance) * lobe.shape_error**2)
+    # An albedo over the angle alone says nothing of a material that looks different turned
+    return float(left_out * min(1.0, uneven + lobe.anisotropy**2))
+
+
+def _closed_form(lobe: LobeProbe, light: LightProbe) -> str:
+    if light.is_black:
+        return "there is no light"
+    if lobe.kind == "mirror":
+        return "closed form: the environment in the mirror direction, times the albedo of the angle"
+    if light.variance <= NEGLIGIBLE:
+        return "closed form: under a constant sky, its radiance times the albedo of the angle"
+    if lobe.kind == "diffuse":
+        return "closed form: the irradiance of the normal, times the albedo of the angle over π"
+    return "its light is negligible here, or even"
+
+
+def _without_views(material: MaterialProbe, light: LightProbe) -> str:
+    if light.is_black:
+        return "there is no light"
+    if light.variance <= NEGLIGIBLE:
+        return "under a constant sky every map is that sky's radiance times the albedo: none need be baked"
+    kinds = {lobe.kind for lobe in material.lobes}
+    if kinds == {"diffuse"}:
+        return "a matte material looks the same from everywhere: one map indexed by the normal"
+    if kinds == {"mirror"}:
+        return "a perfect mirror needs no bake: environment lookup times Fresnel"
+    return "every lobe has a closed form"

@@ -1,0 +1,243 @@
+"""Measures the material: what of it depends on the view, on colour, on how it is turned, and on the place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.lobes.albedo import over_disk
+from rsibr.lobes.bsdf_eval import interaction, retro_ratio
+from rsibr.lobes.low_discrepancy import sobol
+from rsibr.lobes.split import Lobe, LobeSplit
+
+COSINES = (0.95, 0.75, 0.5, 0.25)
+"""Viewing angles at which the BRDF is probed."""
+
+TURNS = (0.7, 2.1, 4.4)
+"""Angles [rad] by which both directions are turned about the normal to find an anisotropy."""
+
+_DRAWS = 2**9
+_SEED = 17
+
+
+@dataclass(frozen=True, eq=False)
+class LobeProbe:
+    """One lobe, as far as a plan has to know it.
+
+    Attributes
+    ----------
+    name : str
+        Name of its layer.
+    alpha : float
+        Its roughness; see `rsibr.lobes.split.Lobe`.
+    albedo : ndarray, shape (3,)
+        Its directional albedo, mean over the disk of a sphere map.
+    share : float
+        Its share of all reflected light, mean over the disk and the channels.
+    shape_error : float
+        How far it is from E(θ_o) cos θ_i / π: root mean square over its energy, relative. 0 for Lambert's lobe.
+    kind : {"diffuse", "glossy", "mirror"}
+        How it is warped.
+    anisotropy : float
+        That of the whole material without its mirror: which lobe has it is not asked.
+    """
+
+    name: str
+    alpha: float
+    albedo: NDArray[np.float64]
+    share: float
+    shape_error: float
+    kind: str
+    anisotropy: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialProbe:
+    """What the material is like.
+
+    Attributes
+    ----------
+    lobes : tuple of LobeProbe
+        Its lobes, widest first; a delta mirror last.
+    albedo : ndarray, shape (NODES, 3)
+        Directional albedo of all lobes over the viewing angle.
+    chroma : float
+        Root mean square of green and blue against red, relative: 0 for a grey material.
+    anisotropy : float
+        Mean change of the BRDF when both directions turn about the normal, relative to its mean.
+    variation : float
+        The same when the place on the surface changes.
+    retro_ratio : float
+        Straight back over sideways; see `rsibr.lobes.bsdf_eval.retro_ratio`.
+    fresnel : float
+        relMSE over the disk of a material whose albedo were the same at every angle.
+    """
+
+    lobes: tuple[LobeProbe, ...]
+    albedo: NDArray[np.float64]
+    chroma: float
+    anisotropy: float
+    variation: float
+    retro_ratio: float
+    fresnel: float
+
+
+def probe_material(bsdf: mi.BSDF, split: LobeSplit) -> MaterialProbe:
+    """Measure a material.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF
+        Any opaque BSDF.
+    split : LobeSplit
+        Its lobes.
+
+    Returns
+    -------
+    MaterialProbe
+
+    Notes
+    -----
+    Directions are drawn by the BSDF itself, where its light goes, and uniformly, where none is expected; two kernels.
+    """
+    albedo = np.sum([lobe.albedo for lobe in split.lobes], axis=0)
+    smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+    drawn = _Draws.of(bsdf) if smooth else None
+    shapes = drawn.shape_errors(split) if drawn else []
+    turning = drawn.anisotropy if drawn else 0.0
+    lobes = [
+        _lobe(lobe, albedo, *((shapes[k], turning) if k < len(shapes) else (0.0, 0.0)))
+        for k, lobe in enumerate(split.lobes)
+    ]
+    mirror = [lobe.albedo for lobe in split.lobes if lobe.is_mirror]
+    return MaterialProbe(
+        lobes=tuple(lobes),
+        albedo=albedo,
+        chroma=max([drawn.chroma if drawn else 0.0, *(_spread(table) for table in mirror)]),
+        anisotropy=turning,
+        variation=drawn.variation if drawn else 0.0,
+        retro_ratio=retro_ratio(bsdf) if smooth else 1.0,
+        fresnel=_variation_over_angle(albedo),
+    )
+
+
+def _lobe(lobe: Lobe, whole: NDArray[np.float64], shape_error: float, anisotropy: float) -> LobeProbe:
+    share = float(over_disk(lobe.albedo).sum() / max(over_disk(whole).sum(), 1e-30))
+    kind = "mirror" if lobe.is_mirror else "diffuse" if lobe.is_diffuse else "glossy"
+    return LobeProbe(lobe.name, lobe.alpha, over_disk(lobe.albedo), share, shape_error, kind, anisotropy)
+
+
+def _variation_over_angle(albedo: NDArray[np.float64]) -> float:
+    mean = over_disk(albedo)
+    floor = (0.1 * mean.mean()) ** 2 + 1e-30
+    return float(over_disk((albedo - mean) ** 2 / (albedo**2 + floor)).mean())
+
+
+def _spread(values: NDArray[np.float64], weight: NDArray[np.float64] | float = 1.0) -> float:
+    """Difference of green and blue from red, by their root mean square, relative to that of the largest."""
+    difference = ((values[:, 1:] - values[:, :1]) ** 2).max(axis=1)
+    return float(np.sqrt((weight * difference).sum() / max((weight * values.max(axis=1) ** 2).sum(), 1e-300)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Draws:
+    """The BRDF at directions drawn for this purpose: `values` f·cos θ_i [sr⁻¹] of shape (sets, n, 3).
+
+    The sets: as drawn, turned by each of `TURNS`, at other places of the surface.
+    """
+
+    wi: NDArray[np.float64]
+    wo: NDArray[np.float64]
+    values: NDArray[np.float64]
+    weight: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, bsdf: mi.BSDF) -> _Draws:
+        """Draw the directions, and evaluate all sets in one kernel."""
+        u = sobol(5, _DRAWS * len(COSINES), seed=_SEED).astype(np.float32)
+        cosine = np.repeat(COSINES, _DRAWS)
+        wo = np.stack([np.sqrt(1 - cosine**2), np.zeros_like(cosine), cosine], axis=1)
+        sample, _ = bsdf.sample(_smooth_only(), interaction(_device(wo)), mi.Float(u[:, 0]), mi.Point2f(u[:, 1:3].T))
+        by_bsdf = np.array(sample.wo, dtype=np.float64).reshape(3, -1).T
+        height, azimuth = u[:, 3], 2 * np.pi * u[:, 4]
+        sine = np.sqrt(1 - height**2)
+        uniform = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), height], axis=1).astype(np.float64)
+        wi, wo = np.concatenate([by_bsdf, uniform]), np.concatenate([wo, wo])
+        usable = np.isfinite(wi).all(axis=1) & (wi[:, 2] > 1e-4)
+        values, density = _evaluate(bsdf, wi, wo, usable)
+        return cls(wi, wo, values, np.where(usable, 1 / (density + 1 / (2 * np.pi)), 0))
+
+    @property
+    def chroma(self) -> float:
+        """Difference of green and blue from red."""
+        return _spread(self.values[0], self.weight)
+
+    @property
+    def anisotropy(self) -> float:
+        """Mean change under a turn, the largest of all turns."""
+        return max(self._change(k) for k in range(1, 1 + len(TURNS)))
+
+    @property
+    def variation(self) -> float:
+        """Mean change from place to place."""
+        return self._change(1 + len(TURNS))
+
+    def shape_errors(self, split: LobeSplit) -> list[float]:
+        """Distance of each smooth lobe from E(θ_o) cos θ_i / π; see `LobeProbe.shape_error`."""
+        uniform = slice(
+            len(self.wi) // 2, None
+        )  # the second half is drawn evenly: no lobe is hidden by its own density
+        wi, wo, value = self.wi[uniform], self.wo[uniform], self.values[0][uniform]
+        errors = []
+        for share in split.shares(_device(wi), _device(wo)):
+            part = value * np.array(share, dtype=np.float64).reshape(3, -1).T
+            errors.append(
+                _distance_from_lambert(part.reshape(len(COSINES), _DRAWS, 3), wi[:, 2].reshape(-1, _DRAWS, 1))
+            )
+        return errors
+
+    def _change(self, other: int) -> float:
+        difference = np.abs(self.values[other] - self.values[0]).sum(axis=1)
+        return float((self.weight * difference).sum() / max((self.weight * self.values[0].sum(axis=1)).sum(), 1e-300))
+
+
+def _distance_from_lambert(part: NDArray[np.float64], cosine: NDArray[np.float64]) -> float:
+    """Relative distance of f·cos θ_i, shape (angles, n, 3), from its own mean at each angle times the cosine."""
+    # The mean is taken over the same points, so that their noise does not count as shape
+    lambert = part.sum(axis=1, keepdims=True) / cosine.sum(axis=1, keepdims=True) * cosine
+    return float(np.sqrt(((part - lambert) ** 2).sum() / max((lambert**2).sum(), 1e-300)))
+
+
+def _evaluate(
+    bsdf: mi.BSDF, wi: NDArray[np.float64], wo: NDArray[np.float64], usable: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """BRDF times cosine of all sets, and the density of the BSDF's own sampling, in one launch."""
+    turned = [(_turned(wi, angle), _turned(wo, angle)) for angle in (0.0, *TURNS, 0.0)]
+    lights, views = (_device(np.concatenate(part)) for part in zip(*turned, strict=True))
+    si = interaction(views)
+    place = sobol(2, len(wi), seed=_SEED).astype(np.float32)
+    si.uv = mi.Point2f(np.concatenate([np.full((len(wi) * (len(turned) - 1), 2), 0.5, np.float32), place]).T)
+    value, pdf = bsdf.eval_pdf(_smooth_only(), si, lights)
+    flat = np.broadcast_to(np.array(value, dtype=np.float64).reshape(3, -1).T, (len(turned) * len(wi), 3))
+    values = flat.reshape(len(turned), len(wi), 3)
+    density = np.broadcast_to(np.array(pdf, dtype=np.float64), len(turned) * len(wi))[: len(wi)]
+    sound = usable & np.isfinite(values).all(axis=(0, 2)) & np.isfinite(density)
+    return np.where(sound[:, None], values, 0), np.where(sound, density, 0)
+
+
+def _smooth_only() -> mi.BSDFContext:
+    context = mi.BSDFContext()
+    context.type_mask = int(mi.BSDFFlags.Smooth)
+    return context
+
+
+def _turned(w: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.asarray(w @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]]))
+
+
+def _device(w: NDArray[np.float64]) -> mi.Vector3f:
+    return mi.Vector3f(w.T.astype(np.float32))

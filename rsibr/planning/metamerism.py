@@ -1,0 +1,140 @@
+"""How far the product of two RGB colours is from the colour of the product of two spectra."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr import backend
+from rsibr.lobes.bsdf_eval import interaction
+from rsibr.scene.spectra import Samples, found_metals, found_spectra
+
+_WHITE = 100.0
+"""Luminance [cd/m²] of a white surface, at which colours are compared."""
+
+_OBSERVER = "CIE 1931 2 Degree Standard Observer"
+_RANGE = (360, 780)
+"""Wavelengths [nm] that are summed over, in steps of 1 nm (ASTM E308)."""
+
+_METAL_GRID = np.linspace(360.0, 830.0, 96)
+
+_Pigment = tuple[str, Samples, NDArray[np.float64]]
+"""Name, reflectance, and the colour that Mitsuba's RGB mode makes of it."""
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """The pair of light and pigment whose colour RGB misses most.
+
+    Attributes
+    ----------
+    light, pigment : str
+        What they are called.
+    difference : float
+        ΔE_ITP (ITU-R BT.2124-0) at 100 cd/m² on white; 1 can just be told.
+    rel_mse : float
+        Squared difference over the squared colour, mean over the channels.
+    """
+
+    light: str
+    pigment: str
+    difference: float
+    rel_mse: float
+
+
+def rgb_mismatch(material: Mapping[str, Any] | Path | None, emitter: Mapping[str, Any] | None) -> Mismatch | None:
+    """Compare the colours that spectra and RGB give, over all pairs of a given light and a given pigment.
+
+    Parameters
+    ----------
+    material : mapping, Path or None
+        BSDF as plain data, or Mitsuba XML.
+    emitter : mapping or None
+        Light as plain data. Where it has no spectrum, as a map has none, it counts as daylight (D65).
+
+    Returns
+    -------
+    Mismatch or None
+        None where the material has no spectra: a pigment in RGB has whatever spectrum gives that colour.
+
+    Raises
+    ------
+    InputError
+        If a spectrum is none.
+
+    Notes
+    -----
+    The truth is ∫ S R x̄ dλ by colour-science; the other colour is the product of those that Mitsuba's RGB mode makes of
+    S and of R. Both are taken over the luminance of a white surface under S.
+    """
+    spectra = found_spectra(material, "material")
+    pigments: list[_Pigment] = [(name, samples, _rgb_of_pigment(samples)) for name, samples in spectra]
+    pigments += [(name, *_metal(name)) for name in found_metals(material)]
+    lights = {name: light for name, light in found_spectra(emitter, "environment") if any(value for _, value in light)}
+    if not pigments:
+        return None
+    import colour  # noqa: PLC0415  # takes a second, and most scenes have no spectra
+
+    under: list[tuple[str, Samples | None]] = [*lights.items()] or [("daylight (D65)", None)]
+    found = [_mismatch(colour, light, pigment) for light in under for pigment in pigments]
+    return max(found, key=lambda mismatch: mismatch.difference)
+
+
+def _mismatch(colour: Any, light: tuple[str, Samples | None], pigment: _Pigment) -> Mismatch:
+    shape = colour.SpectralShape(*_RANGE, 1)
+    observer = colour.MSDS_CMFS[_OBSERVER].copy().align(shape)
+    daylight = colour.SDS_ILLUMINANTS["D65"].copy().align(shape)
+    illuminant = daylight if light[1] is None else _distribution(colour, light[1])
+    truth = colour.sd_to_XYZ(_distribution(colour, pigment[1]), observer, illuminant) / 100
+    light_rgb = np.ones(3) if light[1] is None else _rgb_of_light(light[1])
+    product = pigment[2] * light_rgb / max(float(light_rgb @ [0.2126, 0.7152, 0.0722]), 1e-12)
+    space = colour.RGB_COLOURSPACES["ITU-R BT.709"]
+    rgb_truth = space.matrix_XYZ_to_RGB @ truth
+    difference = colour.difference.delta_E_ITP(
+        *(colour.XYZ_to_ICtCp(_WHITE * xyz) for xyz in (truth, space.matrix_RGB_to_XYZ @ product))
+    )
+    rel_mse = float(((product - rgb_truth) ** 2).mean() / max((rgb_truth**2).mean(), 1e-12))
+    return Mismatch(light[0], pigment[0], float(difference), rel_mse)
+
+
+def _distribution(colour: Any, samples: Samples) -> Any:
+    """On the wavelengths of `_RANGE`: linear between the samples, nothing beyond, as Mitsuba reads them."""
+    wavelengths = np.arange(_RANGE[0], _RANGE[1] + 1.0)
+    given = np.array(samples, dtype=np.float64)
+    values = np.interp(wavelengths, given[:, 0], given[:, 1], left=0, right=0)
+    return colour.SpectralDistribution(values, wavelengths)
+
+
+def _metal(name: str) -> tuple[Samples, NDArray[np.float64]]:
+    """Reflectance of a measured metal head-on, as Mitsuba's spectral and RGB modes have it."""
+    with backend.rendering("spectral"):
+        nm = mi.UnpolarizedSpectrum([mi.Float(row) for row in _METAL_GRID.reshape(4, -1).astype(np.float32)])
+        values = np.array(_head_on(name, nm), dtype=np.float64).ravel()
+    return list(zip(_METAL_GRID.tolist(), values.tolist(), strict=True)), np.array(_head_on(name)).ravel()
+
+
+def _head_on(name: str, nm: mi.Spectrum | None = None) -> mi.UnpolarizedSpectrum:
+    bsdf = mi.load_dict({"type": "conductor", "material": name})
+    si = interaction(mi.Vector3f(0, 0, 1), nm)
+    return bsdf.sample(mi.BSDFContext(), si, mi.Float(0.5), mi.Point2f(0.5))[1]
+
+
+def _rgb_of_pigment(samples: Samples) -> NDArray[np.float64]:
+    bsdf = mi.load_dict({"type": "diffuse", "reflectance": {"type": "spectrum", "value": samples}})
+    si = dr.zeros(mi.SurfaceInteraction3f)
+    si.wi = mi.Vector3f(0, 0, 1)
+    return np.pi * np.array(bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(0, 0, 1)), dtype=np.float64).ravel()
+
+
+def _rgb_of_light(samples: Samples) -> NDArray[np.float64]:
+    light = mi.load_dict({"type": "constant", "radiance": {"type": "spectrum", "value": samples}})
+    si = dr.zeros(mi.SurfaceInteraction3f)
+    si.wi = mi.Vector3f(0, 0, 1)
+    return np.array(light.eval(si), dtype=np.float64).ravel()

@@ -1,0 +1,82 @@
+"""In how many of the stored views each lobe is a layer of its own.
+
+The views of an icosphere are nested: its first 12 are the icosahedron, its first 42 that subdivided once, and so on. A
+lobe that needs fewer views than are stored is a layer of its own in the first ones only. In the others the lobes that
+are done so are added up to one layer, so that the sum of all layers is the whole map in every view.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from rsibr.geometry.viewpoints import VIEW_COUNTS
+from rsibr.planning.plan import Effect, LobePlan, decided
+from rsibr.scene.config import EffectsConfig, ViewsConfig
+
+NAME = "lobe_views"
+_UNIT = "views that all lobes but one need at least"
+
+
+def lobe_views(
+    lobes: tuple[LobePlan, ...], views: ViewsConfig, settings: EffectsConfig
+) -> tuple[Effect, tuple[LobePlan, ...]]:
+    """Decide whether every view keeps all lobes apart, and if not, how many views do for each lobe.
+
+    Parameters
+    ----------
+    lobes : tuple of LobePlan
+        The lobes that are stored, with the views that each needs.
+    views, settings
+        Of the config. `effects.lobe_views`: "on", every lobe in every view; "off", none in more than the next smaller
+        count of nested views, whatever it needs.
+
+    Returns
+    -------
+    effect : Effect
+        On where every view keeps all lobes apart. Its error is that of the maps, none: their sum stays.
+    lobes : tuple of LobePlan
+        The same, with `LobePlan.own_views`.
+    """
+    count = VIEW_COUNTS[views.subdivision]
+    fewer = max((smaller for smaller in VIEW_COUNTS if smaller < count), default=0)
+    forced, why_on = settings.lobe_views, "each lobe is a layer of its own in all views"
+    if alike := _why_all_alike(lobes, views, settings, fewer):
+        return decided(NAME, forced, 0.0, 0.0, _UNIT, why_on, alike, error_if_left_out=0.0), lobes
+    why_off = "lobes that need fewer views than are stored are one layer, `rest`, in the others"
+    fewest = float(min(own_views(lobes, count)))
+    effect = decided(NAME, forced, fewest, float(fewer), _UNIT, why_on, why_off, error_if_left_out=0.0)
+    if effect.on:
+        return effect, lobes
+    own = own_views(lobes, fewer if forced == "off" else count)
+    return effect, tuple(
+        replace(lobe, own_views=number if number < count else None) for lobe, number in zip(lobes, own, strict=True)
+    )
+
+
+def own_views(lobes: Sequence[LobePlan], most: int) -> list[int]:
+    """Views in which each of several lobes is a layer of its own: those that it needs, of `most`, at least 12.
+
+    The lobe that needs fewest stays as long as the next one does: by itself there is nothing to add it to.
+    """
+    needed = [min(max(lobe.views_needed, VIEW_COUNTS[0]), most) for lobe in lobes]
+    second = sorted(needed)[1]
+    return [max(number, second) for number in needed]
+
+
+def layers_spared(own: Sequence[int], count: int) -> int:
+    """Layers that `count` maps together have fewer than if each kept all lobes apart; `own`: see `own_views`."""
+    return sum(count - number for number in sorted(own)[1:])
+
+
+def _why_all_alike(lobes: tuple[LobePlan, ...], views: ViewsConfig, settings: EffectsConfig, fewer: int) -> str:
+    """Why all views have the same layers whatever the lobes need; empty where that is not so."""
+    if settings.lobes == "off":
+        return "lobes are not kept apart"
+    if len(lobes) == 1:
+        return "there is one lobe: each map has one layer"
+    if not any(lobe.maps_needed for lobe in lobes):
+        return "one map is baked"
+    if views.file is not None:
+        return "views of one's own are not nested: all of them keep the lobes apart"
+    return "" if fewer else f"no lobe is kept apart in fewer than {VIEW_COUNTS[0]} views"
