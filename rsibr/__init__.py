@@ -15,28 +15,28 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsibr.reconstruct.methods import METHODS as METHODS
-    from rsibr.reconstruct.reconstruction import reconstruct as reconstruct
+    from rsibr.budget.choose import bake as bake
+    from rsibr.budget.choose import plan as plan
+    from rsibr.methods.reconstruction import reconstruct as reconstruct
+    from rsibr.methods.registry import METHODS as METHODS
     from rsibr.scene.config import load_config as load_config
     from rsibr.store.bake import open_bake as open_bake
-    from rsibr.study.budget import bake as bake
-    from rsibr.study.budget import plan as plan
-    from rsibr.study.runner import study as study
-    from rsibr.validate.check import check as check
-    from rsibr.validate.validation import validate as validate
+    from rsibr.studies.runner import study as study
+    from rsibr.validation.health.check import check as check
+    from rsibr.validation.validation import validate as validate
 
 __version__ = "0.1.0"
 
 _HOME = {
-    "METHODS": "rsibr.reconstruct.methods",
-    "bake": "rsibr.study.budget",
-    "check": "rsibr.validate.check",
+    "METHODS": "rsibr.methods.registry",
+    "bake": "rsibr.budget.choose",
+    "check": "rsibr.validation.health.check",
     "load_config": "rsibr.scene.config",
     "open_bake": "rsibr.store.bake",
-    "plan": "rsibr.study.budget",
-    "reconstruct": "rsibr.reconstruct.reconstruction",
-    "study": "rsibr.study.runner",
-    "validate": "rsibr.validate.validation",
+    "plan": "rsibr.budget.choose",
+    "reconstruct": "rsibr.methods.reconstruction",
+    "study": "rsibr.studies.runner",
+    "validate": "rsibr.validation.validation",
 }
 
 __all__ = [

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from rsibr.store import health
-from rsibr.validate import energy
+from rsibr.validation.health import energy
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "guarantees.md").read_text(encoding="utf-8")

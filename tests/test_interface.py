@@ -27,7 +27,7 @@ def test_an_unknown_name_is_an_attribute_error():
 
 @pytest.mark.parametrize(
     "before",
-    ["pass", "from rsibr.store.bake import open_bake", "import rsibr.validate.metrics", "import rsibr; rsibr.check"],
+    ["pass", "from rsibr.store.bake import open_bake", "import rsibr.validation.metrics", "import rsibr; rsibr.check"],
 )
 def test_functions_can_be_called_whatever_was_imported_before(before):
     names = "rsibr.bake, rsibr.reconstruct, rsibr.validate, rsibr.check"

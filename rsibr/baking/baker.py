@@ -101,7 +101,7 @@ def bake(
     on_progress : callable
         Called after each launch and each view.
     budget : BudgetRecord, optional
-        What a budget of the whole bake chose, of which `config` came; see `rsibr.study.budget`.
+        What a budget of the whole bake chose, of which `config` came; see `rsibr.budget.choose`.
 
     Returns
     -------
@@ -120,7 +120,7 @@ def bake(
     begun = time.perf_counter()
     settings = config if isinstance(config, Config) else load_config(Path(config), overrides)
     if settings.budget is not None:
-        raise ValueError("rsibr.study.budget decides on a budget")
+        raise ValueError("rsibr.budget.choose decides on a budget")
     backend.use()
     environment, material = load_environment(settings.environment), load_material(settings.material)
     plan, probed = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples).size)

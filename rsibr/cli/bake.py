@@ -27,9 +27,9 @@ def bake(
     json_output: Json = False,
 ) -> None:
     """Render the radiance sphere maps of all views. A bake that was killed goes on where it was."""
+    from rsibr.budget.choose import bake as run_bake
     from rsibr.cli.console import bake_progress, note_health, note_peculiarities
     from rsibr.cli.promises import promises, reached_lines
-    from rsibr.study.budget import bake as run_bake
 
     overrides = [*(overrides or ()), *(() if clamp is None else (f"sampling.clamp={clamp}",))]
 

@@ -11,7 +11,7 @@ import typer
 from rsibr.cli.options import BakePath, Json, check_output_folder
 
 if TYPE_CHECKING:
-    from rsibr.validate.health import Finding, Health, Place
+    from rsibr.validation.health.health import Finding, Health, Place
 
 NAMED = 3
 """Places of a kind that are printed; `health.json` holds more."""
@@ -27,8 +27,8 @@ def check(
     """Look for NaN, holes, fireflies, energy drift and half-float overflow in a bake; exit code 1 for the first two."""
     if out is not None:
         check_output_folder(out)
-    from rsibr.validate.check import check as run
-    from rsibr.validate.health_document import HealthModel
+    from rsibr.validation.health.check import check as run
+    from rsibr.validation.health.health_document import HealthModel
 
     health = run(bake, out=out)
     if json_output:

@@ -22,7 +22,7 @@ def demo(
     from rsibr.baking.baker import bake
     from rsibr.cli.console import bake_progress, console, note_peculiarities, step_progress
     from rsibr.resources import configs
-    from rsibr.validate.validation import validate
+    from rsibr.validation.validation import validate
 
     with bake_progress() as show:
         baked = bake(configs() / "demo.toml", out=out / "paint.rsibr", on_progress=show)

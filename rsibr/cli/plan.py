@@ -25,9 +25,9 @@ def plan(
 ) -> None:
     """Say which effects a scene calls for, with evidence, cost, and the error of leaving each out. Bakes nothing."""
     from rsibr.baking.plan_document import PlanDocument
+    from rsibr.budget.choose import planned
     from rsibr.cli.promises import chosen_lines
     from rsibr.scene.config import load_config
-    from rsibr.study.budget import planned
 
     made, sampling, budget = planned(load_config(config, overrides or ()))
     if json_output:

@@ -24,7 +24,7 @@ def reconstruct(
     """Reconstruct the sphere map of a view that was not baked, and write it as an EXR."""
     direction = parse_view(view)
     check_output_file(out)
-    from rsibr.reconstruct.reconstruction import reconstruct as run
+    from rsibr.methods.reconstruction import reconstruct as run
 
     result = run(bake, direction, method=method, resolution=resolution)
     result.write(out)

@@ -12,7 +12,7 @@ import typer
 from rsibr.cli.options import Json, check_output_folder
 
 if TYPE_CHECKING:
-    from rsibr.study.runner import Progress, Study
+    from rsibr.studies.runner import Progress, Study
 
 
 def study(
@@ -22,7 +22,7 @@ def study(
 ) -> None:
     """Measure what accuracy costs in time: sweeps, convergence, fronts. A study that was killed goes on."""
     check_output_folder(out)
-    from rsibr.study.runner import study as run
+    from rsibr.studies.runner import study as run
 
     with _progress() as show:
         found = run(config, out=out, on_progress=show)
@@ -39,7 +39,7 @@ def _progress() -> Iterator[Callable[[Progress], None]]:
     from rich.progress import Progress as Bars
 
     from rsibr.cli.console import console
-    from rsibr.validate.page import duration
+    from rsibr.validation.report.page import duration
 
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("left"))
     with Bars(*columns, TimeRemainingColumn(), console=console, transient=True) as bars:
@@ -59,8 +59,8 @@ def _progress() -> Iterator[Callable[[Progress], None]]:
 
 def _print(found: Study) -> None:
     """Print for each scene the points that nothing beats in error and time, and what twice the time buys."""
-    from rsibr.study.page import answer, estimate
-    from rsibr.validate.page import duration, number, size
+    from rsibr.studies.page import answer, estimate
+    from rsibr.validation.report.page import duration, number, size
 
     frames = found.document.judge.frames
     for scene, analysis in found.scenes:

@@ -10,7 +10,7 @@ import typer
 from rsibr.cli.options import BakePath, Json, check_output_folder, parse_view
 
 if TYPE_CHECKING:
-    from rsibr.validate.results import Validation
+    from rsibr.validation.results import Validation
 
 TABLE_WIDTH = 110
 """Columns that the table of methods takes at least."""
@@ -38,7 +38,7 @@ def validate(
     given = [parse_view(text) for text in view or ()]
     check_output_folder(out)
     from rsibr.cli.console import step_progress
-    from rsibr.validate.validation import validate as run
+    from rsibr.validation.validation import validate as run
 
     with step_progress("validate") as show:
         found = run(

@@ -1,7 +1,7 @@
 """Smooth lobes of known shape, out of which a stand-in for any BRDF is fitted.
 
 A stand-in h = Σ h_j only decides how the true BRDF is shared out among its lobes, f·h_k/Σ h_j; it need not be exact.
-The nearer it comes, the better the model that `rsibr.reconstruct.lobe_model` makes of it.
+The nearer it comes, the better the model that `rsibr.methods.rsibr.lobe_integral` makes of it.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from rsibr.geometry.projections.sphere_map import LEAST_COVERAGE, texel_coverage
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import PRESETS, load_material
-from rsibr.validate.reference import render_reference
+from rsibr.validation.reference import render_reference
 from tests.arrays import disk_grid, unit_vectors
 
 N = 32

@@ -10,7 +10,7 @@ from rsibr.baking.baker import bake
 from rsibr.baking.blocks import MAX_BLOCKS
 from rsibr.baking.plan_document import PlanDocument
 from rsibr.errors import BakeError
-from rsibr.reconstruct.reconstruction import reconstruct
+from rsibr.methods.reconstruction import reconstruct
 from rsibr.resources import scenes
 from rsibr.store.bake import open_bake
 from rsibr.store.map_file import MapFile, decode_map, encode_map

@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 from rsibr.baking.baker import bake
+from rsibr.methods.reconstruction import reconstruct
 from rsibr.planning.planner import probe_scene
-from rsibr.reconstruct.reconstruction import reconstruct
 from rsibr.resources import configs, scenes
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment

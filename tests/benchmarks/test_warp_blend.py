@@ -15,7 +15,7 @@ from rsibr.geometry.frame import view_frame
 from rsibr.geometry.projections.sphere_map import normal_from_disk, texel_centres
 from tests.arrays import unit_vectors
 from tests.benchmarks.turns import in_turns, report
-from tests.reconstruct.scene import inside, method, mirror_sphere
+from tests.methods.scene import inside, method, mirror_sphere
 
 VIEWS = 16
 BATCH = 64

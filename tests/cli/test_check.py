@@ -7,7 +7,7 @@ import pytest
 
 from rsibr.store.bake import BakeWriter, open_bake
 from rsibr.store.manifest import Manifest
-from rsibr.validate.health_document import HealthModel
+from rsibr.validation.health.health_document import HealthModel
 from tests.cli.command import write_config
 
 

@@ -15,17 +15,17 @@ from rsibr.baking.integrator import SphereIntegrator
 from rsibr.cli.app import app
 from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
-from rsibr.reconstruct.reconstruction import reconstruct
+from rsibr.methods.reconstruction import reconstruct
 from rsibr.scene.config import EnvironmentConfig, parse_config
 from rsibr.scene.environment import load_environment
 from rsibr.store.map_file import read_map, write_map
-from rsibr.validate.flip import exposures_for
-from rsibr.validate.metrics import compare
-from rsibr.validate.reference import render_reference
+from rsibr.validation.flip import exposures_for
+from rsibr.validation.metrics import compare
+from rsibr.validation.reference import render_reference
 from tests.arrays import disk_grid
 from tests.scene.maps import latlong_directions, write_exr
 from tests.scene.test_environment import radiance, sphere
-from tests.validate.doubles import LAMBERT
+from tests.validation.doubles import LAMBERT
 
 N = 16
 HALF_FLOAT_LIMIT = 65504

@@ -19,20 +19,20 @@ from rsibr.geometry.projections.sphere_map import (
 )
 from rsibr.geometry.spherical import area_weights
 from rsibr.geometry.viewpoints import icosphere
-from rsibr.reconstruct.blend import triangle_mix
-from rsibr.reconstruct.method import Cost, Method
-from rsibr.reconstruct.sources import SourceMaps, StoredView
-from rsibr.reconstruct.warp import FADE_RADIUS, MirrorWarp
+from rsibr.methods.protocol import Cost, Method
+from rsibr.methods.warp_blend.blend import triangle_mix
+from rsibr.methods.warp_blend.source_maps import SourceMaps, StoredView
+from rsibr.methods.warp_blend.warp import FADE_RADIUS, MirrorWarp
 from rsibr.scene.config import EnvironmentConfig
 from rsibr.scene.environment import load_environment
-from rsibr.validate.flip import exposures_for
-from rsibr.validate.metrics import compare
-from rsibr.validate.reference import Reference, ReferenceRenderer
+from rsibr.validation.flip import exposures_for
+from rsibr.validation.metrics import compare
+from rsibr.validation.reference import Reference, ReferenceRenderer
 from tests.arrays import disk_grid, point, to_numpy, unit_vectors, vector
 from tests.geometry.test_frame import AXES, near_the_poles
-from tests.reconstruct.scene import image, inside, method, mirror_sphere, normals, sky
-from tests.reconstruct.test_method import METHODS
-from tests.validate.doubles import GREY_SKY, MIRROR, disk, smooth_map
+from tests.methods.scene import image, inside, method, mirror_sphere, normals, sky
+from tests.methods.warp_blend.test_method import METHODS
+from tests.validation.doubles import GREY_SKY, MIRROR, disk, smooth_map
 
 N = 32
 FURNACE = {"type": "constant", "radiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}

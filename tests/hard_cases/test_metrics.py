@@ -11,13 +11,13 @@ import pytest
 from rsibr import backend
 from rsibr.errors import CheckFailed
 from rsibr.geometry.frame import view_frame
-from rsibr.reconstruct import reconstruction
-from rsibr.validate import reference as reference_module
-from rsibr.validate.flip import exposures_for
-from rsibr.validate.metrics import compare
-from rsibr.validate.reference import Reference, ReferenceRenderer
-from tests.reconstruct.scene import method
-from tests.validate.doubles import GREY_SKY, MIRROR, disk, noisy_reference, smooth_map
+from rsibr.methods import reconstruction
+from rsibr.validation import reference as reference_module
+from rsibr.validation.flip import exposures_for
+from rsibr.validation.metrics import compare
+from rsibr.validation.reference import Reference, ReferenceRenderer
+from tests.methods.scene import method
+from tests.validation.doubles import GREY_SKY, MIRROR, disk, noisy_reference, smooth_map
 
 EXPOSURES = exposures_for(1.0)
 
@@ -60,7 +60,7 @@ def test_hc31_a_difference_of_noise_alone_has_an_interval_that_covers_zero(rng, 
     The noise's bias is taken out twice, texel by texel and by the jackknife, and either would do: so the guards are the
     intervals. Fails when they are those of a plain mean over the buffers left out: mutant hc31.
     """
-    monkeypatch.setattr("rsibr.validate.metrics.flip_map", lambda reference, *_: np.zeros(reference.shape[:2]))
+    monkeypatch.setattr("rsibr.validation.metrics.flip_map", lambda reference, *_: np.zeros(reference.shape[:2]))
     truth = smooth_map(24)
     for noise in (0.003, 0.03):
         found = [compare(truth, noisy_reference(truth, noise, rng), EXPOSURES).rel_mse for _ in range(100)]

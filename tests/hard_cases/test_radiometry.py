@@ -16,19 +16,19 @@ from rsibr.baking.integrator import Launch, SphereIntegrator
 from rsibr.baking.lattice import ShiftedLattice
 from rsibr.geometry.frame import view_frame
 from rsibr.lobes.bsdf_eval import RETRO_RATIO, retro_ratio
-from rsibr.reconstruct.blend import nearest_mix
-from rsibr.reconstruct.warp import WARPS, MirrorWarp
+from rsibr.methods.warp_blend.blend import nearest_mix
+from rsibr.methods.warp_blend.warp import WARPS, MirrorWarp
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import PRESETS, load_material
 from rsibr.store.health import map_health
-from rsibr.validate.flip import exposures_for
-from rsibr.validate.metrics import compare
-from rsibr.validate.reference import Reference
+from rsibr.validation.flip import exposures_for
+from rsibr.validation.metrics import compare
+from rsibr.validation.reference import Reference
 from tests.arrays import disk_grid, to_numpy
 from tests.baking.test_integrator import FURNACE, disk_area_moments
-from tests.reconstruct.scene import image, inside, matte_sphere, method, mirror_sphere, normals, sky
-from tests.validate.doubles import disk
+from tests.methods.scene import image, inside, matte_sphere, method, mirror_sphere, normals, sky
+from tests.validation.doubles import disk
 
 N = 32
 MIRROR = {"type": "conductor", "material": "none"}

@@ -8,7 +8,7 @@ import pytest
 from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import from_directions, icosphere
-from rsibr.reconstruct.warp import NormalWarp, NoWarp
+from rsibr.methods.warp_blend.warp import NormalWarp, NoWarp
 from tests.arrays import unit_vectors
 from tests.hard_cases.exact import (
     WEIGHTS,
@@ -19,8 +19,8 @@ from tests.hard_cases.exact import (
     query,
     side_distances,
 )
-from tests.reconstruct.scene import image, inside, method
-from tests.reconstruct.test_method import METHODS
+from tests.methods.scene import image, inside, method
+from tests.methods.warp_blend.test_method import METHODS
 
 LEVELS = range(6)
 ULP = 2**-24

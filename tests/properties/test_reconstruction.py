@@ -9,14 +9,14 @@ from rsibr.geometry.frame import view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.geometry.spherical import area_weights
 from rsibr.geometry.viewpoints import from_directions, icosphere
-from rsibr.reconstruct.blend import triangle_mix
-from rsibr.reconstruct.method import Cost, Method
-from rsibr.reconstruct.sources import SourceMaps
-from rsibr.reconstruct.warp import MirrorWarp
+from rsibr.methods.protocol import Cost, Method
+from rsibr.methods.warp_blend.blend import triangle_mix
+from rsibr.methods.warp_blend.source_maps import SourceMaps
+from rsibr.methods.warp_blend.warp import MirrorWarp
+from tests.methods.scene import image, inside, matte_sphere, mirror_sphere, normals, sky
+from tests.methods.warp_blend.test_method import METHODS
 from tests.properties.float64 import cabral1999
 from tests.properties.strategies import PROFILE, angles, directions, rotations, seeds
-from tests.reconstruct.scene import image, inside, matte_sphere, mirror_sphere, normals, sky
-from tests.reconstruct.test_method import METHODS
 
 N = 32
 VIEWS = icosphere(0)

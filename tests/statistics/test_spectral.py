@@ -18,7 +18,7 @@ from rsibr.resources import scenes
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
-from rsibr.validate.reference import render_reference
+from rsibr.validation.reference import render_reference
 from tests.planning.metamers import GRID, light, lines, matte, metamers, seen_of
 from tests.statistics.comparison import compared
 from tests.statistics.failures import kept_on_failure

@@ -10,15 +10,15 @@ from rsibr.baking import baker
 from rsibr.baking.baker import bake
 from rsibr.errors import BakeError
 from rsibr.geometry.frame import view_frame
-from rsibr.reconstruct.lobed import Corrections
-from rsibr.reconstruct.methods import MethodSet
+from rsibr.methods.registry import MethodSet
+from rsibr.methods.warp_blend.lobe_warp import Corrections
 from rsibr.store.layers import layered, layers_at
 from rsibr.store.manifest import LobeRecord, Manifest
 from rsibr.store.map_file import MapFile
-from rsibr.study.noise import NoisyBake
-from rsibr.study.variants import HalfBake
-from rsibr.validate.health import assess
-from rsibr.validate.validation import validate
+from rsibr.studies.noise import NoisyBake
+from rsibr.studies.variants import HalfBake
+from rsibr.validation.health.health import assess
+from rsibr.validation.validation import validate
 
 N = 16
 CONFIG = """

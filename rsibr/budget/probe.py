@@ -1,0 +1,251 @@
+"""Quick probes of a scene: how the method `rsibr` would err at new views, for maps of a given size, before any bake.
+
+A probe bakes only the stored views around a few new ones, twice and with few samples, and holds both against the new
+views, rendered twice as well. All four are independent, so that the mean of (a − r)(b − r') is the squared bias, and
+half that of (a − b)² the noise: neither has to be told from the other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student_t
+
+from rsibr import backend
+from rsibr.baking.baker import bake_view, plan_manifest, planned_light
+from rsibr.baking.blocks import block_sizes
+from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.planning import planned_integrator, planned_scene, planned_viewpoints
+from rsibr.geometry.frame import unit_view, view_frame
+from rsibr.geometry.viewpoints import Viewpoints, from_directions, icosphere
+from rsibr.light.radiance import Light
+from rsibr.lobes.adaptation import adapted_lobes
+from rsibr.methods.reconstruction import run
+from rsibr.methods.registry import MethodSet
+from rsibr.scene.config import Config, MapConfig, ViewsConfig
+from rsibr.scene.environment import load_environment
+from rsibr.scene.material import load_material
+from rsibr.scene.views import load_viewpoints
+from rsibr.store.bake import Bake
+from rsibr.store.manifest import ProbeRecord, SamplingRecord
+from rsibr.store.map_file import MapFile
+from rsibr.store.noise import COVERED, denominator
+
+VIEWS = 10
+"""New views of a probe: half in the middle of a triangle of stored ones, the places farthest from them, half random."""
+
+CONFIDENCE = 0.9
+"""That the mean over `JUDGED` other views lies below the upper bound."""
+
+JUDGED = 8
+"""Views that a promise is held to, as `rsibr validate` takes them."""
+
+METHOD = "rsibr"
+
+_SAMPLES = 16
+_SHARP = 128
+"""Samples a texel of a probe, and texels a side that they are for."""
+
+_LEAST_SAMPLES = 8
+
+_BRANCH = 0x62756467_00000000
+"""Branch of the seed tree (the letters "budg"): no random number is shared with a bake."""
+
+_NOWHERE = Path("probe")
+
+Frames = Sequence[NDArray[np.float64]]
+
+
+@dataclass(frozen=True, eq=False)
+class ProbeBake(Bake):
+    """Maps in memory that can be looked up as a bake on the disk is.
+
+    Attributes
+    ----------
+    maps : tuple of MapFile
+        One of each view of the manifest.
+    kept : Light
+        The light; see `Bake.light`.
+    """
+
+    maps: tuple[MapFile, ...] = ()
+    kept: Light | None = None
+
+    def map(self, index: int) -> MapFile:
+        """See `Bake.map`."""
+        return self.maps[index]
+
+    @cached_property
+    def light(self) -> Light:
+        """See `Bake.light`."""
+        if self.kept is None:
+            raise ValueError("a probe has its light")
+        return self.kept
+
+
+class ProbedScene:
+    """A scene, loaded once for all probes.
+
+    Parameters
+    ----------
+    config : Config
+        Its material, environment, effects, seed and clamp.
+    """
+
+    def __init__(self, config: Config) -> None:
+        backend.use()
+        self.config = config
+        self._environment, self._material = load_environment(config.environment), load_material(config.material)
+        self.plan, probed = planned_scene(_with_all_lobes(config), self._environment, self._material.bsdf(), _SAMPLES)
+        split = None if config.effects.lobes == "off" else probed
+        with backend.rendering(self.plan.rendering) as self._variant:
+            self.integrator = planned_integrator(config, self._environment, self._material, split, self.plan, _SHARP)
+        self._lobes = adapted_lobes(split, self._environment, self._material, self.plan.rendering) if split else ()
+        self._light = planned_light(self._environment, self._lobes, self.plan)
+        self._drawn = 0
+        self._truths: dict[int, tuple[list[NDArray[np.float32]], ...]] = {}
+
+    def viewpoints(self, views: ViewsConfig) -> Viewpoints:
+        """Views that a bake would store."""
+        return planned_viewpoints(load_viewpoints(views), self.config, self.plan)
+
+    def probe(self, resolution: int, viewpoints: Viewpoints) -> ProbeRecord:
+        """Measure bias and noise for maps of that size from those views."""
+        integrator = self.integrator.at_resolution(resolution)
+        samples = probe_samples(resolution)
+        new = [view_frame(view) for view in self.new_views]
+        one, other = self._pictures(integrator, viewpoints, new, samples)
+        if resolution not in self._truths:
+            self._truths[resolution] = tuple(
+                [self.map(integrator, frame, 2 * samples).radiance for frame in new] for _ in range(2)
+            )
+        truths, others = self._truths[resolution]
+        judged = integrator.coverage >= COVERED
+        biases, noises = [], []
+        for a, b, r, s in zip(one, other, truths, others, strict=True):
+            left, right, true, too = (image[judged].astype(np.float64) for image in (a, b, r, s))
+            relative = denominator((true + too) / 2)
+            biases.append(float(((left - true) * (right - too) / relative).mean()))
+            noises.append(float(((left - right) ** 2 / 2 / relative).mean()))
+        return ProbeRecord(
+            resolution=resolution,
+            views=len(viewpoints),
+            samples=samples,
+            bias=float(np.mean(biases)),
+            upper=upper_bound(biases),
+            noise=float(np.mean(noises)),
+        )
+
+    @cached_property
+    def new_views(self) -> list[NDArray[np.float64]]:
+        """Views to probe at, the same for every size: what is rendered of them serves all."""
+        return new_views(self._coarsest, VIEWS, self.config.sampling.seed)
+
+    @property
+    def _coarsest(self) -> Viewpoints:
+        """Views of the user's own, or the icosahedron.
+
+        Subdividing leaves a triangle around the centroid of each of its triangles, with that centroid: the places
+        farthest from the stored views stay so.
+        """
+        return self.viewpoints(self.config.views if self.config.views.file else ViewsConfig())
+
+    def work(self, resolution: int, viewpoints: Viewpoints) -> float:
+        """Samples that a probe takes."""
+        maps = 2 * min(3 * VIEWS, len(viewpoints)) + (0 if resolution in self._truths else 4 * VIEWS)
+        return maps * math.pi / 4 * resolution**2 * probe_samples(resolution)
+
+    def _around(self, viewpoints: Viewpoints, views: Frames) -> tuple[Viewpoints, set[int]]:
+        """See `surrounding`; of views of the user's own, whose triangles need not be a hull's, all are taken."""
+        if self.config.views.file is not None:
+            return viewpoints, set(range(len(viewpoints)))
+        return surrounding(viewpoints, views)
+
+    def map(self, integrator: SphereIntegrator, frame: NDArray[np.float64], samples: int) -> MapFile:
+        """Bake one view with random numbers of its own."""
+        self._drawn += 1
+        index = _BRANCH + self._drawn
+        with backend.rendering(self.plan.rendering):
+            return bake_view(integrator, frame, block_sizes(samples), seed=self.config.sampling.seed, index=index)
+
+    def _pictures(
+        self, integrator: SphereIntegrator, viewpoints: Viewpoints, new: Frames, samples: int
+    ) -> Iterator[list[NDArray[np.float32]]]:
+        """Maps of the new views, made twice: each time from other random numbers."""
+        around, needed = self._around(viewpoints, [frame[:, 2] for frame in new])
+        frames = [view_frame(view) for view in around.directions]
+        resolution = integrator.coverage.shape[0]
+        sized = self.config.model_copy(update={"map": MapConfig(resolution=resolution)})
+        manifest = plan_manifest(
+            sized, self._environment, self._material, self._lobes, around, self._variant, self.plan,
+            SamplingRecord(block=samples, even=2),
+        )  # fmt: skip
+        filler = self.map(integrator, frames[0], 4)
+        for _ in range(2):
+            maps = tuple(
+                self.map(integrator, frame, samples) if index in needed else _seen_from(filler, frame)
+                for index, frame in enumerate(frames)
+            )
+            method = MethodSet(ProbeBake(_NOWHERE, manifest, maps, self._light))[METHOD]
+            yield [run(method, frame, resolution).image for frame in new]
+
+
+def probe_samples(resolution: int) -> int:
+    """Samples a texel of a probe: the more texels a mean is over, the fewer will do."""
+    return max(_LEAST_SAMPLES, _SAMPLES * _SHARP**2 // resolution**2)
+
+
+def new_views(viewpoints: Viewpoints, count: int, seed: int) -> list[NDArray[np.float64]]:
+    """Unit directions to judge at: half, rounded up, at centroids of triangles, where there are any, half random."""
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_BRANCH, len(viewpoints), count)))
+    worst = min((count + 1) // 2, len(viewpoints.triangles))
+    chosen = viewpoints.triangles[generator.permutation(len(viewpoints.triangles))[:worst]]
+    centroids = viewpoints.directions[chosen].sum(axis=1)
+    return [unit_view(view) for view in [*centroids, *generator.normal(size=(count - worst, 3))]]
+
+
+def surrounding(viewpoints: Viewpoints, views: Sequence[NDArray[np.float64]]) -> tuple[Viewpoints, set[int]]:
+    """Few of the stored views, in which the triangles around the new ones are those that they are among all.
+
+    A facet of a convex hull is one of every subset's that its corners are in. What covers the rest of the sphere is
+    looked up nowhere.
+
+    Returns
+    -------
+    viewpoints : Viewpoints
+        The corners of those triangles, and whatever else it takes to go around the sphere.
+    needed : set of int
+        Indices of the corners among them.
+    """
+    if not len(viewpoints.triangles):
+        return viewpoints, {0}
+    corners = viewpoints.directions[viewpoints.triangles]
+    inside = np.einsum("mij,vj->vmi", np.linalg.inv(corners.transpose(0, 2, 1)), np.array(views)).min(axis=2)
+    needed = np.unique(viewpoints.triangles[inside.argmax(axis=1)])
+    base = np.argmax(viewpoints.directions @ icosphere(0).directions.T, axis=0)
+    kept = np.union1d(needed, base)
+    fewer = from_directions(viewpoints.directions[kept])
+    return fewer, set(np.flatnonzero(np.isin(kept, needed)).tolist())
+
+
+def upper_bound(errors: Sequence[float]) -> float:
+    """Upper bound on the mean error over `JUDGED` more views like these, by Student's t; see `CONFIDENCE`."""
+    count = len(errors)
+    reach = float(student_t.ppf(CONFIDENCE, count - 1)) * math.sqrt(1 / count + 1 / JUDGED)
+    return max(0.0, float(np.mean(errors))) + reach * float(np.std(errors, ddof=1))
+
+
+def _with_all_lobes(config: Config) -> Config:
+    """Maps of a probe keep all lobes apart, wherever they are seen from."""
+    return config.model_copy(update={"effects": config.effects.model_copy(update={"lobe_views": "on"})})
+
+
+def _seen_from(like: MapFile, frame: NDArray[np.float64]) -> MapFile:
+    """What stands where no one looks: it shares its pixels with all others that do."""
+    return replace(like, view=frame[:, 2].copy(), frame=frame)

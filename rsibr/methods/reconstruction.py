@@ -1,0 +1,111 @@
+"""One view's map out of a bake, as an image."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import drjit as dr
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rsibr import backend
+from rsibr.errors import InputError
+from rsibr.geometry.frame import unit_view, view_frame
+from rsibr.geometry.projections.sphere_map import texel_coverage
+from rsibr.methods.protocol import Method
+from rsibr.methods.registry import MethodSet
+from rsibr.store.bake import Bake, open_bake
+from rsibr.store.map_file import MapFile, write_map
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """The radiance sphere map of a view.
+
+    Attributes
+    ----------
+    view : ndarray, shape (3,)
+        Unit direction from the surface to the viewer.
+    frame : ndarray, shape (3, 3)
+        Columns x (right), y (up), z = view in world coordinates.
+    image : ndarray, shape (N, N, 3), float32
+        Radiance [W sr⁻¹ m⁻²], row 0 at the top; zero outside the disk.
+    coverage : ndarray, shape (N, N)
+        Share of each texel inside the disk.
+    method : str
+        The method that made it.
+    seconds : float
+        Wall time of the kernels, waited for; first calls compile, later ones do not.
+    """
+
+    view: NDArray[np.float64]
+    frame: NDArray[np.float64]
+    image: NDArray[np.float32]
+    coverage: NDArray[np.float64]
+    method: str
+    seconds: float
+
+    def write(self, path: Path | str) -> None:
+        """Write a multi-part float32 EXR: R, G, B first, then the coverage; view and frame in each header."""
+        coverage = self.coverage.astype(np.float32)
+        write_map(Path(path), MapFile(self.view, self.frame, {"radiance": self.image}, None, coverage))
+
+
+def reconstruct(
+    bake: Bake | Path | str, view: ArrayLike, *, method: str | None = None, resolution: int | None = None
+) -> Reconstruction:
+    """Reconstruct the map of a view that was not baked.
+
+    Parameters
+    ----------
+    bake : Bake or path
+        A finished bake. To reconstruct many views, make a `MethodSet` once and call `run`.
+    view : array_like, shape (3,)
+        Direction from the surface to the viewer, of any positive length.
+    method : str, optional
+        One of `METHODS`; by default `cabral1999`, or `rsibr` where the bake holds one map alone.
+    resolution : int, optional
+        Texels a side, 8 to 4096; by default the stored maps'.
+
+    Returns
+    -------
+    Reconstruction
+        The map, its frame, and the time that it took.
+
+    Raises
+    ------
+    InputError
+        If the view has no direction, the method is unknown or the resolution out of range.
+    BakeError
+        If the bake cannot be read.
+    """
+    frame = view_frame(unit_view(view))
+    opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
+    if resolution is not None and not 8 <= resolution <= 4096:
+        raise InputError(f"{resolution} texels", where="resolution", fix="give 8 to 4096")
+    name = method or ("cabral1999" if opened.has_views else "rsibr")
+    return run(MethodSet(opened)[name], frame, resolution or opened.resolution)
+
+
+def run(method: Method, frame: NDArray[np.float64], resolution: int) -> Reconstruction:
+    """Run a method for one view, and time it.
+
+    Parameters
+    ----------
+    method : Method
+        From a `MethodSet`.
+    frame : ndarray, shape (3, 3)
+        Frame of the map, see `view_frame`.
+    resolution : int
+        Texels a side.
+    """
+    start = time.perf_counter()
+    radiance = method.map(frame, resolution)
+    dr.eval(radiance)
+    backend.synchronize()
+    seconds = time.perf_counter() - start
+    coverage = texel_coverage(resolution)
+    image = np.where(coverage[..., None] > 0, radiance.numpy()[..., :3], np.float32(0))
+    return Reconstruction(frame[:, 2].copy(), frame, image, coverage, method.name, seconds)

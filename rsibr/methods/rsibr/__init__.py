@@ -1,0 +1,1 @@
+"""Our method: a model of all lobes made from the light, and the residuals of the stored maps."""

@@ -1,0 +1,289 @@
+"""A model of what a lobe reflects, made of the light alone: taken out of the stored maps, put back in the new one.
+
+A lobe gathers its light over the slopes of facets, as a mixture of Gaussians (`rsibr.lobes.gaussians`). A narrow one is
+a streak around the mirror direction and looked up along it (`rsibr.methods.rsibr.anisotropic_footprint`). A wide one varies so little
+over the map that it is enough to know it at the nodes of a coarse polar grid.
+
+The model need not be true. What it says at a stored view is compared with the map there, and the difference is carried
+to the new view: an error of the model counts only as far as it changes from view to view.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.geometry.to_device import resident
+from rsibr.light.environment_pyramid import LightStack
+from rsibr.light.radiance import Light
+from rsibr.lobes.basis import COAT_IOR, refracted, schlick, transmitted
+from rsibr.lobes.gaussians import Gaussians, LobeKernel
+from rsibr.methods.rsibr.anisotropic_footprint import Slant, Streak, spreads_of_lookups
+from rsibr.methods.rsibr.delta_lobe import ROUGH, MirroredLight
+from rsibr.methods.rsibr.polar_grid import PolarGrid
+
+WIDE = 0.12
+"""Standard deviation of slopes from which on a Gaussian is gathered at the nodes of the coarse grid."""
+
+_POINTS = 192  # of the quadrature over wide Gaussians
+_FILLING = 1.0  # width of a point's blur over the radius of the disk that it stands for
+_Seen = Callable[[Slant, "mi.Vector3f"], tuple["mi.Vector3f", "mi.Float", "mi.Float", "mi.Float"]]
+"""(surface, facet) → where it reflects the viewer to, its weight, its grazing term, and how it spreads."""
+
+_GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+
+
+@dataclass(eq=False)
+class Rows:
+    """A list of three triples a row, on the device: where to look, and with what plain and grazing weight.
+
+    Attributes
+    ----------
+    values : mi.Float
+        Twelve floats a row, each triple padded to a packet, flat; one row of zeros at least.
+    count : mi.UInt32
+        How many rows there are (opaque: lists of other lengths need no other kernel).
+    is_empty : bool
+        Whether there are none.
+    """
+
+    values: mi.Float
+    count: mi.UInt32
+    is_empty: bool
+
+    @classmethod
+    def of(cls, *columns: NDArray[np.float64]) -> Rows:
+        """Put three columns of shape (M, 3) on the device."""
+        rows = np.stack([np.pad(column, ((0, 0), (0, 1))) for column in columns], axis=1).reshape(-1, 12)
+        values = rows if len(rows) else np.zeros((1, 12))
+        return cls(resident(mi.Float, values.astype(np.float32)), dr.opaque(mi.UInt32, len(rows)), not len(rows))
+
+    def row(self, index: mi.UInt32) -> tuple[mi.Color3f, mi.Color3f, mi.Color3f]:
+        """The three triples of a row."""
+        packets = [dr.gather(mi.Vector4f, self.values, 3 * index + k) for k in range(3)]
+        first, second, third = (mi.Color3f(p.x, p.y, p.z) for p in packets)
+        return first, second, third
+
+
+@dataclass(eq=False)
+class LobeModel:
+    """Radiance of a lobe over its directional albedo.
+
+    Attributes
+    ----------
+    light : LightStack
+        The light; of a matte lobe its irradiance, in one level.
+    mirrored : MirroredLight or None
+        The light as a delta lobe shows it; None for any other.
+    is_matte : bool
+        Whether the lobe follows the normal.
+    alpha : mi.Float
+        Roughness that masking and shadowing go by.
+    narrow : Rows
+        Narrow Gaussians: (σ, 0, 0) and the weights.
+    bare, coated : Rows
+        Quadrature points of wide Gaussians, on the surface and under a coat: (slope x, slope y, area) and the weights.
+    spreads : mi.Float
+        See `rsibr.methods.rsibr.anisotropic_footprint.spreads_of_lookups`.
+    """
+
+    light: LightStack
+    mirrored: MirroredLight | None
+    is_matte: bool
+    alpha: mi.Float
+    narrow: Rows
+    bare: Rows
+    coated: Rows
+    spreads: mi.Float
+
+    @classmethod
+    def of(cls, kernel: LobeKernel, stack: LightStack, light: Light, density: float = ROUGH) -> LobeModel:
+        """Put a lobe's kernel on the device.
+
+        Parameters
+        ----------
+        kernel : LobeKernel
+            Its shape.
+        stack : LightStack
+            The light, blurred.
+        light : Light
+            The same light, as it is.
+        density : float
+            How finely a delta lobe looks; see `MirroredLight`.
+        """
+        narrow = kernel.bare.between(0, WIDE)
+        widths = np.stack([narrow.sigmas, *[np.zeros_like(narrow.sigmas)] * 2], axis=1)
+        return cls(
+            light=LightStack.irradiance(light.picture, kernel.matte) if kernel.is_matte else stack,
+            mirrored=MirroredLight.of(light, stack, density) if kernel.is_mirror else None,
+            is_matte=kernel.is_matte,
+            alpha=dr.opaque(mi.Float, kernel.alpha),
+            narrow=Rows.of(widths, narrow.plain, narrow.grazing),
+            bare=_quadrature(kernel.bare.between(WIDE, np.inf)),
+            coated=_quadrature(kernel.coated),
+            spreads=spreads_of_lookups(),
+        )
+
+    @property
+    def has_grid(self) -> bool:
+        """Whether some of the lobe is gathered at the nodes of the coarse grid."""
+        return not (self.bare.is_empty and self.coated.is_empty)
+
+    def radiance(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
+        """Radiance toward `v` off surfaces with normal `n`, over the lobe's albedo.
+
+        Parameters
+        ----------
+        n, v : mi.Vector3f
+            Unit vectors in world coordinates, one pair a lane.
+
+        Returns
+        -------
+        mi.Color3f
+            [W sr⁻¹ m⁻²]; under a constant light that light's radiance.
+        """
+        if self.is_matte:
+            return self.light.fetch(n, mi.UInt32(0))
+        if self.mirrored is not None:
+            return self.mirrored.fetch(2 * dr.dot(n, v) * n - v)
+        slant = Slant.of(n, v)
+        return _ratio(_sum(self._gathered_narrow(slant, mi.Float(0)), self._gathered_wide(slant)))
+
+    def grid(self, frame: mi.Matrix3f) -> PolarGrid:
+        """Gather the wide part of the lobe at the nodes of a grid over the map of `frame`, columns x, y, v."""
+        n = frame @ PolarGrid.normals()
+        v = mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2])
+        light, weight = self._gathered_wide(Slant.of(n, v))
+        return PolarGrid.of(light, weight)
+
+    def radiance_in_map(
+        self, n: mi.Vector3f, frame: mi.Matrix3f, grid: PolarGrid | None, spacing: mi.Float
+    ) -> mi.Color3f:
+        """Mean radiance over a texel of a sphere map, over the lobe's albedo.
+
+        Parameters
+        ----------
+        n : mi.Vector3f
+            Unit normals at the texels' centres in the map's frame.
+        frame : mi.Matrix3f
+            Columns x, y, v of the map's frame.
+        grid : PolarGrid or None
+            The wide part, from `grid`; None for a lobe that has none.
+        spacing : mi.Float
+            Distance of neighbouring texels in radii of the disk: a texel sees the facets of all its normals.
+        """
+        if self.is_matte:
+            return self.light.fetch(frame @ n, mi.UInt32(0))
+        if self.mirrored is not None:
+            return self.mirrored.mean_over_texel(n, frame, spacing, lambda _cosine: mi.Color3f(1))
+        slant = Slant.of(frame @ n, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
+        gathered = self._gathered_narrow(slant, spacing)
+        return _ratio(gathered if grid is None else _sum(gathered, grid.lookup(n)))
+
+    def _gathered_narrow(self, slant: Slant, spacing: mi.Float) -> tuple[mi.Color3f, mi.Color3f]:
+        """Light and weight of the narrow Gaussians, gathered along the plane of incidence."""
+
+        def gather(i: mi.UInt32, light: mi.Color3f, weight: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f, mi.Color3f]:
+            sigma, plain, grazing = self.narrow.row(i)
+
+            def colour(facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Color3f]:
+                w, factor, grazed = self._reflected(slant.v, facet)
+                return w, factor * (plain + grazing * grazed)
+
+            a, b = Streak.of(slant, sigma.x, spacing).gather(self.spreads, colour, self.light.blurred)
+            return i + 1, light + a, weight + b
+
+        _, light, weight = dr.while_loop(
+            state=(mi.UInt32(0), dr.zeros(mi.Color3f, 1), dr.zeros(mi.Color3f, 1)),
+            cond=lambda i, _light, _weight: i < self.narrow.count,
+            body=gather,
+            labels=("i", "light", "weight"),
+            label="narrow_gaussians",
+        )
+        return light, weight
+
+    def _gathered_wide(self, slant: Slant) -> tuple[mi.Color3f, mi.Color3f]:
+        """Light and weight of the wide Gaussians, by quadrature over slopes."""
+        return _sum(self._quadrature(slant, self.bare, self._bare), self._quadrature(slant, self.coated, self._coated))
+
+    def _quadrature(self, slant: Slant, points: Rows, seen: _Seen) -> tuple[mi.Color3f, mi.Color3f]:
+        def gather(i: mi.UInt32, light: mi.Color3f, weight: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f, mi.Color3f]:
+            slope, plain, grazing = points.row(i)
+            facet = dr.normalize(mi.Vector3f(slope.x, slope.y, 1))
+            w, factor, grazed, stretch = seen(slant, facet)
+            colour = factor * (plain + grazing * grazed)
+            solid_angle = stretch * facet.z * facet.z * facet.z * slope.z
+            width = dr.sqrt(solid_angle) * (_FILLING / np.sqrt(np.pi))
+            return i + 1, light + colour * self.light.blurred(slant.to_world(w), width), weight + colour
+
+        _, light, weight = dr.while_loop(
+            state=(mi.UInt32(0), dr.zeros(mi.Color3f, 1), dr.zeros(mi.Color3f, 1)),
+            cond=lambda i, _light, _weight: i < points.count,
+            body=gather,
+            labels=("i", "light", "weight"),
+            label="wide_gaussians",
+        )
+        return light, weight
+
+    def _bare(self, slant: Slant, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
+        """Where a facet on the surface reflects the viewer to, its weight, its grazing term, and how it spreads."""
+        w, factor, grazed = self._reflected(slant.v, facet)
+        return w, factor, grazed, 4 * dr.maximum(dr.dot(facet, slant.v), 1e-3)
+
+    def _coated(self, slant: Slant, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
+        """The same for a facet under the coat; light that is reflected totally does not leave it."""
+        inner_v = refracted(slant.v)
+        inner, factor, _ = self._reflected(inner_v, facet)
+        x, y = inner.x * COAT_IOR, inner.y * COAT_IOR
+        height = 1 - x * x - y * y
+        w = mi.Vector3f(x, y, dr.sqrt(dr.maximum(height, 1e-6)))
+        factor = dr.select(
+            height > 0, factor * transmitted(w.z) * transmitted(slant.cosine) * slant.cosine / inner_v.z, 0
+        )
+        bent = COAT_IOR * COAT_IOR * dr.maximum(inner.z, 0) / w.z
+        return w, factor, mi.Float(0), 4 * dr.maximum(dr.dot(facet, inner_v), 1e-3) * bent
+
+    def _reflected(self, v: mi.Vector3f, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
+        """Where a facet reflects `v` to, what share of its light is seen, and Schlick's grazing term.
+
+        f cos θ_i dω_i over the slopes: F G₂ (h·v)/(cos θ_o cos θ_h) times the density of slopes, with the
+        height-correlated G₂ of Heitz (2014), eq. 99. The factor 1/cos θ_o is left out.
+        """
+        toward = dr.dot(facet, v)
+        w = 2 * toward * facet - v
+        squared = self.alpha * self.alpha
+        cos_i, cos_o = dr.maximum(w.z, 1e-6), v.z
+        shadow_i = cos_o * dr.sqrt(squared + (1 - squared) * cos_i * cos_i)
+        shadow_o = cos_i * dr.sqrt(squared + (1 - squared) * cos_o * cos_o)
+        shadowing = 2 * cos_i * cos_o / (shadow_i + shadow_o)
+        factor = dr.select((toward > 0) & (w.z > 0), shadowing * toward / facet.z, 0)
+        return w, factor, schlick(toward)
+
+
+def _quadrature(gaussians: Gaussians) -> Rows:
+    """Points on a sunflower spiral over the mixture, each with the area of slopes that it stands for."""
+    sigmas, energy = gaussians.sigmas, (gaussians.plain + gaussians.grazing).sum(axis=1)
+    if not len(sigmas):
+        return Rows.of(*[np.zeros((0, 3))] * 3)
+    radii = np.concatenate([[0.0], np.geomspace(1e-4, 8.0, 4000)])
+    within = (energy * -np.expm1(-0.5 * (radii[:, None] / sigmas) ** 2)).sum(axis=1) / energy.sum()
+    radius = np.interp((np.arange(_POINTS) + 0.5) / _POINTS * within[-1], within, radii)
+    angle = np.arange(_POINTS) * _GOLDEN_ANGLE
+    density = np.exp(-0.5 * (radius[:, None] / sigmas) ** 2) / (2 * np.pi * sigmas**2)
+    area = 1 / (_POINTS * (density @ energy) / energy.sum())
+    places = np.stack([radius * np.cos(angle), radius * np.sin(angle), area], axis=1)
+    return Rows.of(places, density @ gaussians.plain * area[:, None], density @ gaussians.grazing * area[:, None])
+
+
+def _sum(a: tuple[mi.Color3f, mi.Color3f], b: tuple[mi.Color3f, mi.Color3f]) -> tuple[mi.Color3f, mi.Color3f]:
+    return a[0] + b[0], a[1] + b[1]
+
+
+def _ratio(gathered: tuple[mi.Color3f, mi.Color3f]) -> mi.Color3f:
+    light, weight = gathered
+    return light / dr.maximum(weight, 1e-20)

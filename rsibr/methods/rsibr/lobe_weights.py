@@ -1,0 +1,113 @@
+"""Shares the Gaussians of all lobes out among the levels of a facet pyramid, for each angle of the surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.lobes.albedo import node_cosines
+from rsibr.lobes.facet_moments import NODES, FacetMoments, cosines, facet_moments
+from rsibr.lobes.gaussians import LobeKernel
+from rsibr.methods.rsibr.half_vector_pyramid import LEVELS, level_variances, texel_angle
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LobeWeights:
+    """Weights at the angles of `rsibr.lobes.facet_moments.cosines`.
+
+    Attributes
+    ----------
+    levels : ndarray, shape (LEVELS, NODES, 4)
+        Weight of each level in each channel, and the factor on the radius in the facet map; see
+        `facet_pyramid.gathered`.
+    sharp : ndarray, shape (NODES, 4)
+        Weight of what is narrower than the first level, and its width [rad].
+    """
+
+    levels: Array
+    sharp: Array
+
+    @property
+    def has_sharp(self) -> bool:
+        """Whether anything is narrower than the first level."""
+        return bool(self.sharp[:, :3].any())
+
+
+def albedo_at_nodes(albedo: Array) -> Array:
+    """A table of directional albedo (`rsibr.lobes.albedo`) at the angles of the weights, shape (NODES, 3)."""
+    place = np.sqrt(cosines())
+    return np.stack([np.interp(place, np.sqrt(node_cosines()), channel) for channel in albedo.T], axis=1)
+
+
+def lobe_weights(
+    lobes: Sequence[tuple[LobeKernel, Array]], resolution: int, part: LobeKernel | None = None
+) -> LobeWeights:
+    """Weights of glossy lobes.
+
+    Parameters
+    ----------
+    lobes : sequence of (LobeKernel, ndarray of shape (albedo nodes, 3))
+        Each lobe's kernel and directional albedo: at each angle its Gaussians' weights add up to that.
+    resolution : int
+        Texels a side of the first level.
+    part : LobeKernel, optional
+        The one of `lobes` whose share of the weights is wanted, at the places that all have in common.
+
+    Returns
+    -------
+    LobeWeights
+        A Gaussian whose width lies between those of two levels is mixed from both, so that its variance is right; one
+        that is narrower than the first level from that and the sharp part.
+    """
+    angle = np.arccos(cosines())
+    spacing = texel_angle(resolution, angle)
+    weights = np.zeros((LEVELS + 1, NODES, 3))
+    energy, leans, variances = np.zeros((LEVELS + 1, NODES)), np.zeros((LEVELS + 1, NODES)), np.zeros(NODES)
+    for kernel, albedo in lobes:
+        for moments, weight in _normalized(facet_moments(kernel), albedo_at_nodes(albedo)):
+            shares = _shares((moments.width / spacing) ** 2)
+            weights += shares[..., None] * (weight if part in (None, kernel) else 0)
+            carried = shares * weight.sum(axis=1)
+            energy += carried
+            leans += carried * moments.lean
+            variances += carried[-1] * moments.width**2
+    energy = np.maximum(energy, 1e-30)
+    factors = _radius_factors(angle, leans / energy)
+    levels = np.concatenate([weights, factors[..., None]], axis=-1)[:LEVELS]
+    sharp = np.concatenate([weights[-1], np.sqrt(variances / energy[-1])[:, None]], axis=-1)
+    return LobeWeights(levels, sharp)
+
+
+def _normalized(moments: list[FacetMoments], albedo: Array) -> list[tuple[FacetMoments, Array]]:
+    total = np.maximum(sum((m.weight for m in moments), start=np.zeros((NODES, 3))), 1e-30)
+    return [(m, m.weight / total * albedo) for m in moments]
+
+
+def _shares(variance: Array) -> Array:
+    """Share of each level, and of the sharp part behind them, in a Gaussian; `variance` in texels² of the first level.
+
+    Shape (LEVELS + 1, NODES).
+    """
+    steps = level_variances()
+    shares = np.zeros((LEVELS + 1, len(variance)))
+    node = np.arange(len(variance))
+    below = np.clip(np.searchsorted(steps, variance) - 1, 0, LEVELS - 2)
+    upper = np.clip((variance - steps[below]) / (steps[below + 1] - steps[below]), 0, 1)
+    narrow = variance < steps[0]
+    first = np.where(narrow, np.clip(variance / steps[0], 0, 1), 1 - upper)
+    shares[below, node] = first
+    shares[below + 1, node] += np.where(narrow, 0, upper)
+    shares[-1] = np.where(narrow, 1 - first, 0)
+    return shares
+
+
+def _radius_factors(angle: Array, lean: Array) -> Array:
+    """Radius in the facet map of a facet that leans toward the viewer, over that of the surface's normal."""
+    leaning = np.tan(np.clip(angle - lean, 0, np.pi / 2) / 2)
+    upright = np.tan(angle / 2)
+    return np.where(upright > 1e-6, leaning / np.maximum(upright, 1e-6), 1.0)

@@ -1,0 +1,47 @@
+"""Which stored views take part in a new one, and with what weight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mitsuba as mi
+
+from rsibr.geometry.spherical import Weights
+from rsibr.geometry.viewpoints import ViewSphere
+from rsibr.methods.warp_blend.source_maps import SourceMaps, StoredView
+
+
+@dataclass
+class Mixture:
+    """Stored views and their weights, one set a lane (or one for all lanes).
+
+    Attributes
+    ----------
+    views : list of StoredView
+        The sources.
+    weights : list of mi.Float
+        Their weights: non-negative, sum 1.
+    """
+
+    views: list[StoredView]
+    weights: list[mi.Float]
+
+
+Mix = Callable[[ViewSphere, SourceMaps, "mi.Vector3f"], Mixture]
+"""(stored directions, maps, view directions) → the mixture of stored views for each direction."""
+
+
+def nearest_mix(sphere: ViewSphere, sources: SourceMaps, v: mi.Vector3f) -> Mixture:
+    """Take the stored view nearest to each direction, alone."""
+    return Mixture([sources.view(sphere.nearest(v))], [mi.Float(1)])
+
+
+def triangle_mix(weights: Callable[[mi.Vector3f, mi.Vector3f, mi.Vector3f, mi.Vector3f], Weights]) -> Mix:
+    """Take the three stored views around each direction, weighted by `weights`; Cabral et al. (1999), section 3.4."""
+
+    def mix(sphere: ViewSphere, sources: SourceMaps, v: mi.Vector3f) -> Mixture:
+        views = [sources.view(index) for index in sphere.surrounding(v)]
+        return Mixture(views, list(weights(v, *(view.v for view in views))))
+
+    return mix

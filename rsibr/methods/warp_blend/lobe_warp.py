@@ -1,0 +1,211 @@
+"""The method `rsibr`: each lobe warped in its own way, its albedo carried with the surface, its footprint corrected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.geometry.frame import frame_of
+from rsibr.geometry.projections.sphere_map import normal_from_disk, texel_centre, tiled_texels
+from rsibr.geometry.viewpoints import ViewSphere
+from rsibr.methods.protocol import Method, as_rgba, frame_from, laid_out, touches_disk
+from rsibr.methods.rsibr.lobe_albedo import LobeAlbedo
+from rsibr.methods.warp_blend.blend import Mixture
+from rsibr.methods.warp_blend.footprint_covariance import MOST_TAKEN, Footprint, tap_angle
+from rsibr.methods.warp_blend.source_maps import SourceMaps, StoredView
+from rsibr.methods.warp_blend.warp import LEAST_CONFIDENCE, MirrorWarp, NormalWarp
+
+Toward = tuple[Mixture, "list[LobeWarps]"]
+"""The stored views around a new one, and the warps to them."""
+
+_LEAST_ALPHA = 0.004  # below, a lobe's footprint is finer than the texels of any map
+
+
+@dataclass
+class LobeMaps:
+    """The stored maps of one lobe.
+
+    Attributes
+    ----------
+    sources : SourceMaps
+        Its radiance from every stored view.
+    albedo : LobeAlbedo
+        Its directional albedo.
+    alpha : mi.Float
+        Roughness.
+    is_diffuse, is_sharp : bool
+        Whether it follows the normal; whether its footprint is finer than a texel.
+    """
+
+    sources: SourceMaps
+    albedo: LobeAlbedo
+    alpha: mi.Float
+    is_diffuse: bool
+    is_sharp: bool
+
+    @classmethod
+    def of(cls, sources: SourceMaps, alpha: float, albedo: NDArray[np.float64]) -> LobeMaps:
+        """Put a lobe on the device: its maps, its roughness and its albedo table of shape (NODES, 3)."""
+        return cls(
+            sources, LobeAlbedo.of(albedo), dr.opaque(mi.Float, max(alpha, 0.0)), alpha == 0.0, alpha < _LEAST_ALPHA
+        )
+
+
+@dataclass
+class LobeWarps:
+    """Both warps to a stored view: which is used is a matter of the lobe.
+
+    Attributes
+    ----------
+    mirror : MirrorWarp
+        For glossy lobes.
+    normal : NormalWarp
+        For matte ones.
+    """
+
+    mirror: MirrorWarp
+    normal: NormalWarp
+
+    @classmethod
+    def between(cls, stored: StoredView, frame: mi.Matrix3f) -> LobeWarps:
+        """Make the warps from the destination's `frame`, columns x, y, v, to a stored view."""
+        return cls(MirrorWarp.between(stored, frame), NormalWarp.between(stored, frame))
+
+    def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
+        """See `Warp`: the mirror's."""
+        return self.mirror(n)
+
+    def point(self, n: mi.Vector3f, is_diffuse: bool) -> mi.Point2f:
+        """Point of the stored map for the normal `n`, by the warp of the lobe."""
+        return (self.normal if is_diffuse else self.mirror)(n)[0]
+
+
+@dataclass
+class LobeGroup:
+    """Lobes that are stored in the same views: they are mixed and warped alike.
+
+    Attributes
+    ----------
+    sphere : ViewSphere
+        These views.
+    lobes : list of LobeMaps
+        At least one.
+    """
+
+    sphere: ViewSphere
+    lobes: list[LobeMaps]
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """What `rsibr` does beyond warping; each can be left out, to see what it gains and what it costs.
+
+    Attributes
+    ----------
+    albedo : bool
+        Divide each source by its directional albedo, and put the destination's back: Fresnel and shadowing go with the
+        surface's angle, the environment with the direction.
+    moments : bool
+        Correct the footprint of glossy lobes to second order.
+    """
+
+    albedo: bool = True
+    moments: bool = True
+
+
+@dataclass(eq=False)
+class LobedMethod(Method):
+    """Σ_k E_k(θ_d) [Σ_i w_i c_ik S_ik(p_ik)/E_k(θ_ik)] / Σ_i w_i c_ik; DESIGN.md, "Lobes".
+
+    Attributes
+    ----------
+    groups : list of LobeGroup
+        The lobes, with the views that each is stored in.
+    corrections : Corrections
+        What is done beyond warping.
+    """
+
+    groups: list[LobeGroup] = field(default_factory=list)
+    corrections: Corrections = Corrections()
+
+    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
+        """Radiance toward `v` off surfaces with normal `n`: see `Method.eval`."""
+        frame = frame_of(v)
+        return self._summed(self._toward_each(frame), frame.T @ n)
+
+    def image(self, columns: mi.Float, resolution: int) -> mi.Float:
+        """The texels of a map: see `Method.image`."""
+        toward = self._toward_each(frame_from(columns))
+        dr.eval(toward)
+        texel = tiled_texels(resolution)
+        p = texel_centre(texel, resolution)
+        radiance = dr.if_stmt(
+            (normal_from_disk(p),),
+            touches_disk(p, resolution),
+            lambda n: as_rgba(self._summed(toward, n)),
+            lambda _: mi.Vector4f(0),
+        )
+        return laid_out(radiance, texel, resolution)
+
+    def _toward_each(self, frame: mi.Matrix3f) -> list[Toward]:
+        """For each group the sources of the view that `frame` looks from, and the warps to them."""
+        v = mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2])
+        mixtures = [self.mix(group.sphere, group.lobes[0].sources, v) for group in self.groups]
+        return [(mixture, [LobeWarps.between(stored, frame) for stored in mixture.views]) for mixture in mixtures]
+
+    def _summed(self, toward: list[Toward], n: mi.Vector3f) -> mi.Color3f:
+        radiance, footprint = mi.Color3f(0), Footprint.at(n)
+        for group, (mixture, warps) in zip(self.groups, toward, strict=True):
+            radiance += self._of_group(group, mixture, warps, footprint, n)
+        return radiance
+
+    def _of_group(
+        self, group: LobeGroup, mixture: Mixture, warps: list[LobeWarps], footprint: Footprint, n: mi.Vector3f
+    ) -> mi.Color3f:
+        radiance = mi.Color3f(0)
+        points = {is_diffuse: [warp.point(n, is_diffuse) for warp in warps] for is_diffuse in (False, True)}
+        for lobe in group.lobes:
+            total, weights = mi.Color3f(0), mi.Float(0)
+            for stored, weight, warp, p in zip(
+                mixture.views, mixture.weights, warps, points[lobe.is_diffuse], strict=True
+            ):
+                cosine = dr.sqrt(dr.maximum(1 - dr.squared_norm(p), 0))
+                # The nearer to its rim a source is asked, the coarser it is: it is trusted by its cosine
+                trusted = weight * dr.maximum(cosine, LEAST_CONFIDENCE)
+                total += trusted * self._carried(lobe, stored.index, warp.mirror, footprint, p, cosine)
+                weights += trusted
+            mean = total * (1 / weights)
+            radiance += mean * lobe.albedo.at(n.z) if self.corrections.albedo else mean
+        return radiance
+
+    def _carried(
+        self,
+        lobe: LobeMaps,
+        view: mi.UInt32,
+        mirror: MirrorWarp,
+        footprint: Footprint,
+        p: mi.Point2f,
+        cosine: mi.Float,
+    ) -> mi.Color3f:
+        """What a source says of the destination: its footprint mended, its albedo divided out."""
+        seen = lobe.sources.fetch(view, p)
+        if self.corrections.moments and not (lobe.is_diffuse or lobe.is_sharp):
+            seen = _mended(lobe, view, mirror, footprint, cosine, seen)
+        return seen / lobe.albedo.at(cosine) if self.corrections.albedo else seen
+
+
+def _mended(
+    lobe: LobeMaps, view: mi.UInt32, mirror: MirrorWarp, footprint: Footprint, cosine: mi.Float, seen: mi.Color3f
+) -> mi.Color3f:
+    """Give a source's radiance the destination's footprint: L + Σ sign(λ)(L₊ + L₋ − 2L)/6."""
+    change = mi.Color3f(0)
+    for tangent, eigenvalue in footprint.axes_toward(mirror.stored_view(), cosine):
+        sine, cosine_of = dr.sincos(tap_angle(eigenvalue, lobe.alpha))
+        ahead = lobe.sources.fetch(view, mirror.disk_of(footprint.r * cosine_of + tangent * sine))
+        behind = lobe.sources.fetch(view, mirror.disk_of(footprint.r * cosine_of - tangent * sine))
+        change += dr.sign(eigenvalue) * (ahead + behind - 2 * seen) * (1 / 6)
+    return seen + dr.maximum(change, -MOST_TAKEN * seen)

@@ -1,0 +1,213 @@
+"""What the points of one scene say together: convergence, fronts, and the tables against path tracing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from pydantic import Field
+
+from rsibr.studies.convergence import PowerLaw, fit_flattening, fit_power_law
+from rsibr.studies.fronts import front_of
+from rsibr.studies.results import PathTracingRecord, PointRecord, Positive, Record, SceneRecord
+from rsibr.validation.results import break_even_views
+
+JOBS = (1, 10, 100, 1000, 10_000)
+"""Pictures of the jobs for which the crossover is told."""
+
+COSTS: dict[str, Callable[[PointRecord], float]] = {
+    "bake_seconds": lambda point: point.bake.seconds.median,
+    "bytes": lambda point: float(point.bytes),
+    "frame_seconds": lambda point: point.frame_seconds.median,
+}
+"""Costs that a front is drawn over."""
+
+
+class SlopeRecord(Record):
+    """A straight line on logarithmic axes: relMSE = scale·seconds^slope."""
+
+    slope: float
+    ci95: tuple[float, float]
+    scale: Positive
+    seconds: tuple[float, float] = Field(description="range of the times that it was fitted to")
+
+    @classmethod
+    def of(cls, law: PowerLaw) -> SlopeRecord:
+        """Take over a fit."""
+        return cls(slope=law.slope, ci95=law.ci95, scale=law.scale, seconds=law.range)
+
+    @property
+    def law(self) -> PowerLaw:
+        """The fit itself."""
+        return PowerLaw(self.slope, self.scale, self.ci95, self.seconds)
+
+
+class ConvergenceRecord(Record):
+    """Points that differ in the bake's samples alone: relMSE = bias + noise/samples."""
+
+    label: str
+    points: list[str] = Field(description="labels, by rising samples")
+    slope: SlopeRecord | None = Field(description="of error against bake seconds; null where an error is not positive")
+    bias: Positive = Field(description="fitted: what no number of samples takes away")
+    noise: Positive = Field(description="fitted, times samples")
+    predicted_noise: Positive = Field(
+        description="from the stored variance, times samples: geometric mean of the points"
+    )
+    flattens_at_samples: float | None = Field(description="where noise and bias are equal; null without a bias")
+    flattens_at_seconds: float | None = Field(description="the same in seconds of baking")
+
+
+class FrontRecord(Record):
+    """A Pareto front of relMSE over one cost."""
+
+    on: list[str] = Field(description="labels, by rising cost")
+    dominated: dict[str, str] = Field(description="every other point, and the one to take instead")
+
+
+class RivalRow(Record):
+    """A point against path tracing: at equal time of the whole job, and at equal error."""
+
+    label: str
+    rel_mse: float
+    job_seconds: Positive = Field(description="to bake and to make all pictures of the job")
+    path_tracing_rel_mse: Positive = Field(description="what path tracing reaches in the same time")
+    frame_seconds: Positive
+    path_tracing_seconds: float | None = Field(description="a picture of equal relMSE; null where that is not positive")
+    break_even_views: int | None = Field(description="pictures after which the bake has paid for itself; null: never")
+    extrapolated: bool = Field(description="path tracing's error or time lies beyond what was measured of it")
+
+
+class CrossoverRecord(Record):
+    """For a job of so many pictures: from when to when a bake does better than path tracing in the same time."""
+
+    pictures: int
+    from_seconds: float | None = Field(description="of the whole job; null: never")
+    from_point: str | None
+    until_seconds: float | None = Field(description="where path tracing overtakes the best point; null: never")
+    until_point: str | None
+
+
+class SceneAnalysis(Record):
+    """What the points of a scene say together."""
+
+    path_tracing: SlopeRecord
+    progressive: SlopeRecord = Field(description="path tracing in passes: -1 where the passes are independent")
+    convergence: list[ConvergenceRecord]
+    fronts: dict[str, FrontRecord] = Field(description="over bake_seconds, bytes and frame_seconds")
+    job_front: list[str] = Field(description="points that nothing beats in error and time of the whole job")
+    rivals: list[RivalRow] = Field(description="every point, in the order of its job's time")
+    crossover: list[CrossoverRecord]
+
+
+def analyse(scene: SceneRecord, frames: int) -> SceneAnalysis:
+    """Analyse the points of a scene.
+
+    Parameters
+    ----------
+    scene : SceneRecord
+    frames : int
+        Pictures of the job that `rivals` and `job_front` are told for.
+    """
+    law, points = _law(scene.path_tracing), scene.points
+    on = front_of([point.job_seconds(frames) for point in points], [point.rel_mse for point in points]).on
+    rivals = [_rival(point, law, frames) for point in points]
+    return SceneAnalysis(
+        path_tracing=SlopeRecord.of(law),
+        progressive=SlopeRecord.of(_law(scene.progressive)),
+        convergence=convergence_of(points),
+        fronts={name: _front(points, cost) for name, cost in COSTS.items()},
+        job_front=[points[index].label for index in on],
+        rivals=sorted(rivals, key=lambda row: row.job_seconds),
+        crossover=[crossover(points, law, pictures) for pictures in JOBS],
+    )
+
+
+def _law(pictures: Sequence[PathTracingRecord]) -> PowerLaw:
+    """Error over time of path tracing; what its reference cannot tell from none counts as the least that it can."""
+    errors = [max(p.error.rel_mse.value, p.error.rel_mse.ci95[1] - p.error.rel_mse.value) for p in pictures]
+    tiny = float(np.finfo(np.float32).tiny)
+    return fit_power_law([p.seconds.median for p in pictures], [max(error, tiny) for error in errors])
+
+
+def convergence_of(points: Sequence[PointRecord]) -> list[ConvergenceRecord]:
+    """Fit every curve that has three numbers of samples or more."""
+    curves: dict[str, list[PointRecord]] = {}
+    for point in sorted(points, key=lambda point: point.bake.samples):
+        curves.setdefault(point.curve, []).append(point)
+    return [_convergence(label, curve) for label, curve in curves.items() if len(curve) >= 3]
+
+
+def _convergence(label: str, curve: Sequence[PointRecord]) -> ConvergenceRecord:
+    samples, seconds = [p.bake.samples for p in curve], [p.bake.seconds.median for p in curve]
+    errors = [p.rel_mse for p in curve]
+    known = [(n, e) for n, e in zip(samples, errors, strict=True) if e > 0]
+    flattening = fit_flattening(*zip(*known, strict=True)) if len(known) >= 2 else None
+    at = flattening.samples if flattening else None
+    predicted = [p.noise * p.bake.samples for p in curve if p.noise > 0]
+    return ConvergenceRecord(
+        label=label,
+        points=[p.label for p in curve],
+        slope=SlopeRecord.of(fit_power_law(seconds, errors)) if min(errors) > 0 else None,
+        bias=flattening.bias if flattening else 0.0,
+        noise=flattening.noise if flattening else 0.0,
+        predicted_noise=float(np.exp(np.mean(np.log(predicted)))) if predicted else 0.0,
+        flattens_at_samples=at,
+        flattens_at_seconds=None if at is None else _seconds_at(samples, seconds, at),
+    )
+
+
+def _seconds_at(samples: Sequence[float], seconds: Sequence[float], wanted: float) -> float:
+    """Baking time at a number of samples: a share that every bake has, and one that grows with the samples."""
+    rate, start = np.polyfit(samples, seconds, 1)
+    return float(max(start + rate * wanted, 0.0))
+
+
+def _front(points: Sequence[PointRecord], cost: Callable[[PointRecord], float]) -> FrontRecord:
+    front = front_of([cost(point) for point in points], [point.rel_mse for point in points])
+    dominated = {points[index].label: points[by].label for index, by in sorted(front.dominated.items())}
+    return FrontRecord(on=[points[index].label for index in front.on], dominated=dominated)
+
+
+def _rival(point: PointRecord, law: PowerLaw, frames: int) -> RivalRow:
+    job, frame = point.job_seconds(frames), point.frame_seconds.median
+    equal = law.where(point.rel_mse)
+    asked = [job / frames, *([equal] if equal else [])]
+    return RivalRow(
+        label=point.label,
+        rel_mse=point.rel_mse,
+        job_seconds=job,
+        path_tracing_rel_mse=law.at(job / frames),
+        frame_seconds=frame,
+        path_tracing_seconds=equal,
+        break_even_views=None if equal is None else break_even_views(point.bake.seconds.median, equal, frame),
+        extrapolated=any(not law.range[0] <= seconds <= law.range[1] for seconds in asked),
+    )
+
+
+def crossover(points: Sequence[PointRecord], law: PowerLaw, pictures: int) -> CrossoverRecord:
+    """Find from when to when, in seconds of a whole job, some point does better than path tracing in the same time.
+
+    Parameters
+    ----------
+    points : sequence of PointRecord
+    law : PowerLaw
+        relMSE of a path-traced picture against its seconds.
+    pictures : int
+        Pictures of the job; path tracing has an equal share of the time for each.
+    """
+    jobs = [(point.job_seconds(pictures), point) for point in points]
+    better = [(job, point) for job, point in jobs if point.rel_mse < law.at(job / pictures)]
+    if not better:
+        return CrossoverRecord(
+            pictures=pictures, from_seconds=None, from_point=None, until_seconds=None, until_point=None
+        )
+    start, first = min(better, key=lambda found: found[0])
+    best = min((point for _, point in better), key=lambda point: point.rel_mse)
+    overtaken = law.where(best.rel_mse)
+    return CrossoverRecord(
+        pictures=pictures,
+        from_seconds=start,
+        from_point=first.label,
+        until_seconds=None if overtaken is None else pictures * overtaken,
+        until_point=best.label,
+    )

@@ -1,0 +1,70 @@
+"""Values that a study can be swept over, and how a wrong one is refused."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import AfterValidator, Field
+
+from rsibr.methods.registry import METHODS
+from rsibr.methods.warp_blend.disk_mesh import DiskMesh
+
+PER_TEXEL = "texel"
+
+_MESH = re.compile(r"mesh-([1-9]\d{0,2})x([1-9]\d{0,3})")
+
+
+def mesh_of(warp: str) -> DiskMesh | None:
+    """Tessellation that the warp `mesh-RxS` names, R rings and S sectors; None for any other name."""
+    found = _MESH.fullmatch(warp)
+    return DiskMesh(int(found[1]), int(found[2])) if found is not None and int(found[2]) >= 3 else None
+
+
+def _method(name: str) -> str:
+    if name not in METHODS:
+        near = difflib.get_close_matches(name, METHODS, 1)
+        meant = f"did you mean '{near[0]}'? " if near else ""
+        raise ValueError(f"is no method: {meant}there are {', '.join(METHODS)}")
+    return name
+
+
+def _warp(name: str) -> str:
+    if name != PER_TEXEL and mesh_of(name) is None:
+        raise ValueError('should be "texel" or "mesh-RxS", as in "mesh-16x48", with at least 3 sectors S')
+    return name
+
+
+def _name_or_table(value: Any) -> Any:
+    if not isinstance(value, str | dict):
+        raise ValueError("should be a name, in quotes, or a table")
+    return value
+
+
+def _distinct(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    if not values:
+        raise ValueError("should hold at least one value")
+    twice = [value for index, value in enumerate(values) if value in values[:index]]
+    if twice:
+        raise ValueError(f"holds {twice[0]!r} twice")
+    return values
+
+
+def at_least_three(values: tuple[int, ...]) -> tuple[int, ...]:
+    """Refuse fewer than three values: a slope could not be fitted to them."""
+    if len(values) < 3:
+        raise ValueError("should hold at least three values, to fit a slope")
+    return values
+
+
+_T = TypeVar("_T")
+Axis = Annotated[tuple[_T, ...], Field(strict=False), AfterValidator(_distinct)]
+NameOrTable = Annotated[Any, AfterValidator(_name_or_table)]
+Samples = Annotated[int, Field(ge=4, le=2**24)]
+Resolution = Annotated[int, Field(ge=8, le=4096)]
+Subdivision = Annotated[int, Field(ge=0, le=5)]
+MethodName = Annotated[str, AfterValidator(_method)]
+WarpName = Annotated[str, AfterValidator(_warp)]
+WeightsName = Literal["own", "area", "gnomonic"]
+PrecisionName = Literal["float32", "float16"]

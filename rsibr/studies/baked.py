@@ -1,0 +1,118 @@
+"""One bake, opened: every picture that a study makes of it, timed and judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.methods.reconstruction import run
+from rsibr.methods.registry import MethodSet
+from rsibr.store.bake import Bake
+from rsibr.studies.lobes import mean_lobe_errors
+from rsibr.studies.noise import NoisyBake, noise_of, without
+from rsibr.studies.plan import BakeSize, Variant
+from rsibr.studies.results import BakeRecord, ErrorRecord, PointRecord, Timing, label_of
+from rsibr.studies.variants import bytes_read, opened_at, variant_of
+from rsibr.validation.metrics import compare
+from rsibr.validation.report.estimate_document import EstimateModel
+
+if TYPE_CHECKING:
+    from rsibr.studies.bench import Bench
+
+Images = list[NDArray[np.float32]]
+
+
+@dataclass(eq=False)
+class BakedMaps:
+    """One bake, opened for all pictures that are to be made of it.
+
+    Attributes
+    ----------
+    bench : Bench
+    bake : Bake
+    record : BakeRecord
+    size : BakeSize
+    """
+
+    bench: Bench
+    bake: Bake
+    record: BakeRecord
+    size: BakeSize
+    _methods: dict[str, MethodSet] = field(default_factory=dict)
+    _noise: dict[Variant, float] = field(default_factory=dict)
+
+    def measure(self, variant: Variant) -> PointRecord:
+        """Error and cost of the pictures of all judged views."""
+        bench, method = self.bench, variant_of(self._at(variant.precision), variant)
+        images, seconds = self._timed(method)
+        judged = zip(images, bench.references, strict=True)
+        error = ErrorRecord.of([compare(image, truth, bench.exposures, name=str(variant)) for image, truth in judged])
+        noise = self._noise_of(variant)
+        return PointRecord(
+            label=label_of(variant, self.record.views, self.record.resolution, self.record.samples),
+            **vars(variant),
+            bake=self.record,
+            error=error,
+            noise=noise,
+            bias=without(error.rel_mse, noise),
+            lobes=self._lobes(variant) if variant.method == "rsibr" and len(self.bake.manifest.lobes) > 1 else None,
+            frame_seconds=Timing.of(seconds),
+            bytes=bytes_read(self.bake, method, variant.precision),
+        )
+
+    def _timed(self, method: Any) -> tuple[Images, list[float]]:
+        """Picture of each judged view, and the times of its repeats; the first run, which compiles, does not count."""
+        resolution, images, seconds = self.bench.scene.resolution, [], []
+        for frame in self.bench.frames:
+            images.append(run(method, frame, resolution).image)
+            seconds += [run(method, frame, resolution).seconds for _ in range(self.bench.judge.repeats)]
+        return images, seconds
+
+    def _at(self, precision: str) -> MethodSet:
+        if precision not in self._methods:
+            opened = (
+                NoisyBake(self.bake.path, self.bake.manifest, self.bench.scene.seed)
+                if precision == "noisy"
+                else opened_at(self.bake, precision)
+            )
+            self._methods[precision] = MethodSet(opened)
+        return self._methods[precision]
+
+    def _noise_of(self, variant: Variant) -> float:
+        """Noise of the float32 maps in the pictures: that of rounding is no noise, but bias."""
+        plain = Variant(variant.method, variant.warp, variant.weights, "float32")
+        if plain not in self._noise:
+            images, noisy = (
+                [
+                    run(variant_of(self._at(kind), plain), frame, self.bench.scene.resolution).image
+                    for frame in self.bench.frames
+                ]
+                for kind in ("float32", "noisy")
+            )
+            self._noise[plain] = noise_of(images, noisy, self.bench.references)
+        return self._noise[plain]
+
+    def _lobes(self, variant: Variant) -> dict[str, EstimateModel]:
+        bench, methods = self.bench, self._at(variant.precision)
+        parts = {lobe.name: methods.prefiltered(lobe=lobe.name) for lobe in self.bake.manifest.lobes}
+        truths = [bench.lobe_truth(frame) for frame in bench.frames]
+        return mean_lobe_errors(parts, bench.frames, truths, bench.references)
+
+
+def bake_record(baked: Bake, size: BakeSize, wall_seconds: float | None) -> BakeRecord:
+    """Say what a bake cost: every view with the time of the median view, the first one's compiling apart."""
+    seconds = [float(state.seconds or 0.0) for state in baked.manifest.views]
+    view = Timing.of(seconds)
+    return BakeRecord(
+        samples=size.samples,
+        resolution=size.resolution,
+        subdivision=size.subdivision,
+        views=baked.view_count,
+        seconds=view.times(baked.view_count),
+        compile_seconds=max(0.0, seconds[0] - view.median),
+        wall_seconds=wall_seconds,
+        disk_bytes=baked.bytes,
+    )

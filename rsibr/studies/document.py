@@ -1,0 +1,55 @@
+"""The schema of `study.json`, and its writing: strict JSON, without NaN."""
+
+from __future__ import annotations
+
+import json
+from typing import Literal
+
+from pydantic import Field
+
+from rsibr.studies.analysis import SceneAnalysis
+from rsibr.studies.doubling import DoublingRecord
+from rsibr.studies.results import Positive, Record, SceneRecord
+
+
+class JudgeRecord(Record):
+    """How all points were judged."""
+
+    views: list[tuple[float, float, float]] = Field(description="unit vectors from the surface to the viewer, +Y up")
+    resolution: int = Field(description="texels a side of the pictures that were compared")
+    reference_samples: int = Field(description="samples a texel asked of each reference")
+    repeats: int = Field(description="timed runs of each picture, after one that compiles")
+    frames: int = Field(description="pictures of the job that baking and making pictures are added up for")
+
+
+class MachineRecord(Record):
+    """What the times were measured on."""
+
+    variant: str
+    processors: int
+    system: str
+    packages: dict[str, str]
+
+
+class StudyDocument(Record):
+    """`study.json`: error and cost of every point, and what they say together. Times in seconds, sizes in bytes."""
+
+    schema_version: Literal[1] = Field(alias="schema")
+    name: str
+    judge: JudgeRecord
+    machine: MachineRecord
+    expected_seconds: Positive = Field(description="what this run was expected to take, said before it started")
+    seconds: Positive = Field(description="what it took; only a resumed run's own part")
+    scenes: list[SceneRecord]
+    analyses: list[SceneAnalysis] = Field(description="one a scene, in their order")
+    doubling: list[DoublingRecord] = Field(description="path tracing, then each method: mean over the scenes")
+
+    def to_json(self) -> str:
+        """Return strict JSON, indented."""
+        return json.dumps(self.model_dump(mode="json", by_alias=True), indent=2, allow_nan=False) + "\n"
+
+
+def study_schema() -> str:
+    """JSON Schema of `study.json`, as `docs/study.schema.json` holds it."""
+    schema = StudyDocument.model_json_schema(by_alias=True, mode="serialization")
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"

@@ -1,0 +1,151 @@
+"""The steps of a study that are still to be done, and how long each will take, from a quick probe of the machine."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+
+from rsibr import backend
+from rsibr.baking.integrator import SphereIntegrator
+from rsibr.geometry.frame import view_frame
+from rsibr.geometry.viewpoints import icosphere
+from rsibr.lobes.split import LobeSplit
+from rsibr.scene.views import load_viewpoints
+from rsibr.studies.bench import Bench
+from rsibr.studies.config import PathTracingConfig
+from rsibr.studies.lobes import lobe_key
+from rsibr.studies.plan import BakeSize, Plan, Variant
+from rsibr.studies.scene import Scene
+from rsibr.studies.truth import reference_key
+
+_PROBE_RESOLUTION = 48
+_PROBE_SAMPLES = 64
+
+# What things take beside their samples, measured on two cores: no closer than the machine is steady.
+_PER_VIEW = 0.04  # a map is launched in blocks, checked, compressed and synced to the disk
+_PER_BAKE = 0.6  # environment, material and lobes are loaded and fitted, kernels taken from the disk
+_PER_TRUTH = 0.2
+_PER_POINT = 0.15  # maps go to the device, kernels are compiled
+_PER_PICTURE = 0.004
+_PER_COMPARISON = 0.03
+_UNTIMED_PICTURES = 4  # one that compiles, two for the noise, one of each lobe
+
+
+@dataclass(frozen=True)
+class Step:
+    """One piece of work, kept for good once it is done.
+
+    Attributes
+    ----------
+    name : str
+        As a person reads it.
+    seconds : float
+        What it is expected to take.
+    run : callable
+        Does it.
+    """
+
+    name: str
+    seconds: float
+    run: Callable[[], object]
+
+
+class Rates:
+    """How fast the machine is, kernels compiled; measured when it is first asked for.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to measure with: the second run of a small bake, and of a small path-traced picture.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._frame, self._seeds = view_frame((1.0, 2.0, 3.0)), np.random.SeedSequence(0)
+
+    @cached_property
+    def bake(self) -> float:
+        """Samples a second of the bake."""
+        split = LobeSplit.of(self._scene.material.bsdf())
+        with backend.rendering(self._scene.rendering):
+            parts = self._scene.environment.emitter(), self._scene.material.bsdf()
+            integrator = SphereIntegrator(*parts, _PROBE_RESOLUTION, split)
+            seconds = _seconds_of(lambda: integrator.block(self._frame, _PROBE_SAMPLES, self._seeds))
+        return float(integrator.coverage.sum()) * _PROBE_SAMPLES / seconds
+
+    @cached_property
+    def path_tracing(self) -> float:
+        """Samples a second of path tracing."""
+        tracer = self._scene.tracer
+        seconds = _seconds_of(lambda: tracer.picture(self._frame, _PROBE_SAMPLES, self._seeds))
+        return self._scene.resolution**2 * _PROBE_SAMPLES / seconds
+
+
+def steps_of(bench: Bench, plan: Plan, path_tracing: PathTracingConfig, rates: Rates) -> Iterator[Step]:
+    """List what is still to be measured in a scene, in order.
+
+    Parameters
+    ----------
+    bench : Bench
+        Where the scene is measured; what its journal knows is no step any more.
+    plan : Plan
+        Bakes, and the pictures of each.
+    path_tracing : PathTracingConfig
+        Samples of the path-traced pictures.
+    rates : Rates
+        How fast the machine is.
+    """
+    yield from _truths(bench, plan, rates)
+    samples, pictures = sorted(path_tracing.samples), max(bench.judge.repeats, len(bench.frames))
+    for pass_samples in (None, path_tracing.pass_samples):
+        if bench.known_path_tracing(samples, pass_samples) is None:
+            texels = bench.scene.resolution**2
+            seconds = (pictures + 1) * texels * sum(samples) / rates.path_tracing
+            name = "path tracing" if pass_samples is None else "path tracing in passes"
+            comparisons = len(samples) * len(bench.frames) * _PER_COMPARISON
+            yield Step(name, seconds + comparisons, partial(bench.path_tracing, samples, pass_samples))
+    for size, variants in plan.items():
+        missing = [variant for variant in variants if bench.known_point(size, variant) is None]
+        if missing:
+            yield from _bake(bench, size, missing, rates)
+
+
+def _truths(bench: Bench, plan: Plan, rates: Rates) -> Iterator[Step]:
+    scene, samples = bench.scene, bench.judge.samples
+    work = scene.resolution**2 * samples
+    lobed = any(variant.method == "rsibr" for variants in plan.values() for variant in variants)
+    for number, frame in enumerate(bench.frames, 1):
+        if not bench.store.has(reference_key(scene, frame, samples)):
+            seconds = _PER_TRUTH + work / rates.path_tracing
+            yield Step(f"reference {number}", seconds, partial(bench.reference, frame))
+        if lobed and not bench.store.has(lobe_key(scene, frame, samples)):
+            seconds = _PER_TRUTH + math.pi / 4 * work / rates.bake
+            yield Step(f"lobes of reference {number}", seconds, partial(bench.lobe_truth, frame))
+
+
+def _bake(bench: Bench, size: BakeSize, variants: Sequence[Variant], rates: Rates) -> Iterator[Step]:
+    views = _view_count(bench.scene, size)
+    name = f"bake of {views} views, {size.resolution}², {size.samples} samples"
+    a_view = _PER_VIEW + math.pi / 4 * size.resolution**2 * size.samples / rates.bake
+    yield Step(name, _PER_BAKE + views * a_view, partial(bench.bake, size))
+    pictures = len(bench.frames) * (bench.judge.repeats + _UNTIMED_PICTURES)
+    seconds = _PER_POINT + pictures * _PER_PICTURE + len(bench.frames) * _PER_COMPARISON
+    for variant in variants:
+        yield Step(f"{variant} of {views} views", seconds, partial(bench.measure, size, variant))
+
+
+def _view_count(scene: Scene, size: BakeSize) -> int:
+    return len(icosphere(size.subdivision) if size.subdivision is not None else load_viewpoints(scene.config.views))
+
+
+def _seconds_of(work: Callable[[], object]) -> float:
+    work()
+    start = time.perf_counter()
+    work()
+    backend.synchronize()
+    return time.perf_counter() - start

@@ -1,0 +1,121 @@
+"""The page of a study: one HTML file that holds all it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+import rsibr
+from rsibr.studies import figures
+from rsibr.studies.analysis import SceneAnalysis
+from rsibr.studies.document import StudyDocument
+from rsibr.studies.doubling import DoublingRecord
+from rsibr.studies.results import PointRecord, SceneRecord
+from rsibr.validation.estimate import readable
+from rsibr.validation.report.estimate_document import EstimateModel
+from rsibr.validation.report.page import duration, number, size
+from rsibr.validation.report.pictures import bar_colours
+
+_MOST_SHOWN = 12
+"""Points that the figure of where the error sits holds at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """A scene, what its points say, and its figures."""
+
+    scene: SceneRecord
+    analysis: SceneAnalysis
+    convergence: str
+    fronts: str
+    whereabouts: str
+
+    @property
+    def on_front(self) -> dict[str, list[str]]:
+        """Names of the costs over whose front a point lies, by label."""
+        names = {"bake_seconds": "bake", "bytes": "bytes", "frame_seconds": "picture"}
+        return {
+            point.label: [names[cost] for cost, front in self.analysis.fronts.items() if point.label in front.on]
+            for point in self.scene.points
+        }
+
+    @property
+    def best(self) -> PointRecord:
+        """The point that errs least."""
+        return min(self.scene.points, key=lambda point: point.rel_mse)
+
+    def instead(self, label: str) -> str:
+        """What to take instead of a point that lies on no front, over the time to bake."""
+        return self.analysis.fronts["bake_seconds"].dominated.get(label, "")
+
+
+def study_page(document: StudyDocument) -> str:
+    """Write the page.
+
+    Parameters
+    ----------
+    document : StudyDocument
+
+    Returns
+    -------
+    str
+        HTML that refers to nothing outside itself.
+    """
+    loader = ChoiceLoader([PackageLoader(room, ".") for room in ("rsibr.studies", "rsibr.validation.report")])
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    environment.filters |= {"number": number, "duration": duration, "size": size, "estimate": estimate}
+    template = environment.get_template("study.html.j2")
+    return template.render(
+        document=document,
+        headline=figures.svg_uri(figures.headline(document)),
+        answer=answer(document.doubling, document.judge.frames),
+        shown=[_shown(scene, analysis) for scene, analysis in zip(document.scenes, document.analyses, strict=True)],
+        bar=", ".join(bar_colours()),  # of the style that all pages share
+        version=rsibr.__version__,
+    )
+
+
+def estimate(value: EstimateModel) -> str:
+    """Write a relMSE with half its interval for a person; one that noise hides as its upper bound."""
+    low, high = value.ci95
+    if value.below_noise_floor:
+        return f"<\u00a0{number(max(high, 0.0), 2)}"
+    return f"{number(value.value)}\u00a0±\u00a0{number((high - low) / 2, 2)}"
+
+
+def answer(records: Sequence[DoublingRecord], frames: int) -> list[str]:
+    """Say in sentences what twice the time buys, one for each method.
+
+    Parameters
+    ----------
+    records : sequence of DoublingRecord
+    frames : int
+        Pictures of the job.
+    """
+    return [_sentence(record, frames) for record in records]
+
+
+def _sentence(record: DoublingRecord, frames: int) -> str:
+    start, end = duration(record.seconds[0]), duration(record.seconds[-1])
+    reach = f"from {readable(record.rel_mse[0])} in {start} to {readable(record.rel_mse[-1])} in {end}"
+    known = [gain for gain in record.gain if gain is not None]
+    if not known:
+        return f"{record.method}: {reach} for {frames} pictures; no longer time was measured to compare with."
+    first, last = readable(known[0], 2), readable(known[-1], 2)
+    buys = f"divides the error by {first}" + ("" if first == last else f" at first and by {last} at the end")
+    return f"{record.method}: {reach} for {frames} pictures; twice the time {buys}."
+
+
+def _shown(scene: SceneRecord, analysis: SceneAnalysis) -> _Shown:
+    by_label = {point.label: point for point in scene.points}
+    labels = list(dict.fromkeys([*analysis.job_front, *analysis.fronts["bake_seconds"].on]))
+    points = sorted((by_label[label] for label in labels), key=lambda point: -point.rel_mse)[-_MOST_SHOWN:]
+    return _Shown(
+        scene,
+        analysis,
+        figures.svg_uri(figures.convergence(scene, analysis)),
+        figures.svg_uri(figures.fronts(scene, analysis)),
+        figures.svg_uri(figures.whereabouts(points)),
+    )

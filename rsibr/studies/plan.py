@@ -1,0 +1,145 @@
+"""What a study has to do: which bakes, and which pictures are made of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+from rsibr.errors import InputError
+from rsibr.methods.warp_blend.disk_mesh import DiskMesh
+from rsibr.scene.config import Config, MapConfig, SamplingConfig, ViewsConfig
+from rsibr.studies.axes import PER_TEXEL
+from rsibr.studies.config import StudyConfig, SweepConfig
+
+OWN_WEIGHTS = {
+    "nearest": "none",
+    "blend": "area",
+    "cabral1999": "area",
+    "rsibr": "gnomonic",
+    "rsibr-fine": "gnomonic",
+}
+"""Weights that the methods take by themselves; of these, all but `nearest` can take others."""
+
+MESH_METHOD = "cabral1999-mesh"
+
+
+@dataclass(frozen=True)
+class BakeSize:
+    """What a bake spends on.
+
+    Attributes
+    ----------
+    samples, resolution : int
+        Samples a texel, texels a side.
+    subdivision : int or None
+        Of the icosahedron; None for the user's own views.
+    """
+
+    samples: int
+    resolution: int
+    subdivision: int | None
+
+    def config(self, scene: Config) -> Config:
+        """Config of the bake of `scene` at this size."""
+        sampling = SamplingConfig.model_validate(
+            {**scene.sampling.model_dump(exclude={"target_error", "time_budget_s"}), "samples": self.samples}
+        )
+        views = scene.views if self.subdivision is None else ViewsConfig(subdivision=self.subdivision)
+        # A study asks what views are worth: it takes them where a plan would do without
+        effects = scene.effects.model_copy(update={"view_dependence": "on"})
+        resolution = MapConfig(resolution=self.resolution)
+        changed = {"sampling": sampling, "map": resolution, "views": views, "effects": effects, "budget": None}
+        return scene.model_copy(update=changed)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """How a picture is made of a bake: see `SweepConfig`.
+
+    Attributes
+    ----------
+    method, warp, weights, precision : str
+        With "none" for the weights of a method that has none, and "own" for those of a method unknown here.
+    """
+
+    method: str
+    warp: str
+    weights: str
+    precision: str
+
+    def __str__(self) -> str:
+        """Name what differs from the method as it is."""
+        parts = [self.method]
+        if self.warp != PER_TEXEL:
+            parts.append(self.warp)
+        if self.weights != OWN_WEIGHTS.get(self.method, "own"):
+            parts.append(f"{self.weights} weights")
+        if self.precision != "float32":
+            parts.append(self.precision)
+        return ", ".join(parts)
+
+
+Plan = dict[BakeSize, list[Variant]]
+"""The bakes of one scene, each with the ways to make a picture of it."""
+
+
+def plan_of(study: StudyConfig) -> Plan:
+    """Unite the sweeps of a study: every bake and every picture once.
+
+    Parameters
+    ----------
+    study : StudyConfig
+        Its scenes are alike but for material and environment: the plan is that of each of them.
+
+    Raises
+    ------
+    InputError
+        If a sweep asks for nothing that a method could do, or for what the base config rules out.
+    """
+    plan: Plan = {}
+    for number, sweep in enumerate(study.sweep, 1):
+        where = f"{study.name}, sweep[{number}]"
+        variants = _variants(sweep, study.method)
+        if not variants:
+            what = "asks for no picture: only cabral1999 goes through a mesh, and nearest has no weights"
+            raise InputError(what, where=where, fix="take cabral1999 in, or the warp texel and the weights own")
+        for size in _sizes(sweep, study.scenes[0], where):
+            known = plan.setdefault(size, [])
+            known += [variant for variant in variants if variant not in known]
+    lobed = any(variant.method == "rsibr" for variants in plan.values() for variant in variants)
+    if lobed and study.scenes[0].effects.lobes == "off":
+        raise InputError('the method rsibr needs effects.lobes = "auto"', where=f"{study.name}, base")
+    return plan
+
+
+def _sizes(sweep: SweepConfig, base: Config, where: str) -> list[BakeSize]:
+    if base.views.file is not None:
+        if sweep.subdivision is not None:
+            raise InputError("subdivision: the base config has views of its own", where=where, fix="leave one out")
+        subdivisions: tuple[int | None, ...] = (None,)
+    else:
+        subdivisions = sweep.subdivision or (base.views.subdivision,)
+    samples = sweep.samples or (base.sampling.samples,)
+    resolutions = sweep.resolution or (base.map.resolution,)
+    return [BakeSize(*combination) for combination in product(samples, resolutions, subdivisions)]
+
+
+def _variants(sweep: SweepConfig, methods: tuple[str, ...]) -> list[Variant]:
+    """All combinations that mean something, each once."""
+    made = (
+        _variant(*combination)
+        for combination in product(sweep.method or methods, sweep.warp, sweep.weights, sweep.precision)
+    )
+    return list(dict.fromkeys(variant for variant in made if variant is not None))
+
+
+def _variant(method: str, warp: str, weights: str, precision: str) -> Variant | None:
+    if method == MESH_METHOD:  # the same as cabral1999 through the mesh that it has by default
+        mesh = DiskMesh()
+        method, warp = "cabral1999", f"mesh-{mesh.rings}x{mesh.sectors}" if warp == PER_TEXEL else warp
+    if warp != PER_TEXEL and method != "cabral1999":
+        return None
+    own = OWN_WEIGHTS.get(method, "own")
+    if weights not in ("own", own) and own in ("none", "own"):
+        return None
+    return Variant(method, warp, own if weights == "own" else weights, precision)

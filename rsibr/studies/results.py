@@ -1,0 +1,169 @@
+"""What a study measured: one record a picture, a bake, a reference; the same in memory, in the journal and in JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from rsibr.validation.estimate import Estimate, mean_estimate
+from rsibr.validation.metrics import MapError
+from rsibr.validation.report.estimate_document import EstimateModel
+
+Positive = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class Record(BaseModel):
+    """Immutable, without NaN, refusing what it does not know."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Timing(Record):
+    """Repeated times in seconds, device finished, nothing compiled."""
+
+    median: Positive
+    low: Positive = Field(description="lower quartile")
+    high: Positive = Field(description="upper quartile")
+    runs: int = Field(ge=1)
+
+    @classmethod
+    def of(cls, seconds: Sequence[float]) -> Timing:
+        """Summarise the times of equal work."""
+        low, median, high = (float(q) for q in np.quantile(np.asarray(seconds, np.float64), (0.25, 0.5, 0.75)))
+        return cls(median=median, low=low, high=high, runs=len(seconds))
+
+    def times(self, count: int) -> Timing:
+        """Time of `count` times the work."""
+        return Timing(median=count * self.median, low=count * self.low, high=count * self.high, runs=self.runs)
+
+
+class ErrorRecord(Record):
+    """Error over all judged views, the noise of the reference taken out of relMSE."""
+
+    rel_mse: EstimateModel = Field(description="mean over the views")
+    rel_mse_range: tuple[float, float] = Field(description="least and largest of the views")
+    rel_mse_zones: dict[str, EstimateModel] = Field(description="inner r < 2/3, middle r < 0.9, rim beyond")
+    smape: Share
+    flip: Share
+    energy_ratio: float | None
+    worst_texel: Positive = Field(description="largest relative squared error of any texel of any view")
+
+    @classmethod
+    def of(cls, errors: Sequence[MapError]) -> ErrorRecord:
+        """Take the mean over the views."""
+        values = [error.rel_mse.value for error in errors]
+        energy = [error.energy_ratio for error in errors if error.energy_ratio is not None]
+        zones = {name for error in errors for name in error.rel_mse_zones}
+        return cls(
+            rel_mse=mean_model([error.rel_mse for error in errors]),
+            rel_mse_range=(min(values), max(values)),
+            rel_mse_zones={
+                name: mean_model([error.rel_mse_zones[name] for error in errors if name in error.rel_mse_zones])
+                for name in ("inner", "middle", "rim")
+                if name in zones
+            },
+            smape=float(np.mean([error.smape for error in errors])),
+            flip=float(np.mean([error.flip for error in errors])),
+            energy_ratio=float(np.mean(energy)) if len(energy) == len(errors) else None,
+            worst_texel=max(error.worst_texel.error for error in errors),
+        )
+
+
+class BakeRecord(Record):
+    """A bake, and what it cost."""
+
+    samples: int
+    resolution: int
+    subdivision: int | None = Field(description="of the icosahedron; null for views of the user's own")
+    views: int = Field(description="stored views")
+    seconds: Timing = Field(description="all views, each counted with the median view's time: nothing compiled")
+    compile_seconds: Positive = Field(description="what the first view took longer than the median")
+    wall_seconds: float | None = Field(description="whole command, with loading and fitting; null where resumed")
+    disk_bytes: int = Field(description="all maps on disk, with their variance, compressed")
+
+
+class PointRecord(Record):
+    """A picture by one method from one bake: its error over all judged views, and every cost."""
+
+    label: str = Field(description="unique within the scene")
+    method: str
+    warp: str
+    weights: str
+    precision: str
+    bake: BakeRecord
+    error: ErrorRecord
+    noise: Positive = Field(description="share of relMSE that the noise of the maps makes, from their stored variance")
+    bias: EstimateModel = Field(description="the rest: what more samples in the bake would not take away")
+    lobes: dict[str, EstimateModel] | None = Field(
+        description="relMSE that each lobe's own error makes, against the whole's radiance; null where there is one"
+    )
+    frame_seconds: Timing = Field(description="a picture")
+    bytes: int = Field(description="what the method reads, in memory: three channels a texel, at the precision given")
+
+    @property
+    def rel_mse(self) -> float:
+        """Its error: the headline."""
+        return self.error.rel_mse.value
+
+    @property
+    def worst_lobe(self) -> str | None:
+        """Name of the lobe that errs most."""
+        return max(self.lobes, key=lambda name: self.lobes[name].value) if self.lobes else None  # type: ignore[index]
+
+    @property
+    def curve(self) -> str:
+        """Name of all points that differ from this one in the samples alone."""
+        return self.label.rpartition(", ")[0]
+
+    def job_seconds(self, frames: int) -> float:
+        """Time to bake and to make `frames` pictures."""
+        return self.bake.seconds.median + frames * self.frame_seconds.median
+
+
+class PathTracingRecord(Record):
+    """Path-traced pictures, by no random number that a reference used."""
+
+    samples: int
+    pass_samples: int | None = Field(description="samples of a pass; null: all stratified among each other")
+    error: ErrorRecord
+    seconds: Timing = Field(description="a picture")
+
+
+class ReferenceRecord(Record):
+    """The truth of one scene."""
+
+    samples: int
+    buffers: int
+    sampler: str
+    seconds: Positive = Field(description="rendering time of all views together")
+    noise_floor: Positive = Field(description="mean over the views of the relMSE of their own noise; taken out")
+
+
+class SceneRecord(Record):
+    """Everything measured of one material under one environment."""
+
+    material: str
+    environment: str
+    reference: ReferenceRecord
+    path_tracing: list[PathTracingRecord] = Field(description="all samples of a picture stratified among each other")
+    progressive: list[PathTracingRecord] = Field(description="path tracing in passes that share no strata")
+    points: list[PointRecord]
+
+    @property
+    def name(self) -> str:
+        """As a person calls it."""
+        return f"{self.material} under {self.environment}"
+
+
+def mean_model(estimates: Sequence[Estimate]) -> EstimateModel:
+    """Mean of one estimate a view."""
+    return EstimateModel.of(mean_estimate(estimates))
+
+
+def label_of(variant: object, views: int, resolution: int, samples: int) -> str:
+    """Name of a point, the samples last: see `PointRecord.curve`."""
+    return f"{variant}, {views} views, {resolution}², {samples} samples"

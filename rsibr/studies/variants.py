@@ -1,0 +1,61 @@
+"""A picture in every way that a study asks for: another warp, other weights, maps of another precision."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.geometry.spherical import area_weights, gnomonic_weights
+from rsibr.methods.protocol import MeshMethod, Method
+from rsibr.methods.registry import MethodSet
+from rsibr.methods.rsibr.residual_method import ModelledMethod
+from rsibr.methods.warp_blend.blend import triangle_mix
+from rsibr.store.bake import Bake
+from rsibr.store.health import LARGEST_HALF
+from rsibr.store.map_file import MapFile
+from rsibr.studies.axes import mesh_of
+from rsibr.studies.plan import OWN_WEIGHTS, Variant
+
+_WEIGHTS = {"area": area_weights, "gnomonic": gnomonic_weights}
+_FLOAT_BYTES = {"float32": 4, "float16": 2}
+
+
+class HalfBake(Bake):
+    """A bake whose radiance is rounded to float16; what exceeds the largest half is held at it.
+
+    The kernels still read float32: error and bytes are those of half floats, the time is not.
+    """
+
+    def map(self, index: int) -> MapFile:
+        """See `Bake.map`."""
+        stored = super().map(index)
+        return replace(stored, layers={name: _half(image) for name, image in stored.layers.items()})
+
+
+def opened_at(bake: Bake, precision: str) -> Bake:
+    """Return the bake with its maps at a precision, "float32" or "float16"."""
+    return HalfBake(bake.path, bake.manifest) if precision == "float16" else bake
+
+
+def variant_of(methods: MethodSet, variant: Variant) -> Method:
+    """Make the method of a variant from a bake's methods; its precision is a matter of how the bake was opened."""
+    method = methods[variant.method]
+    if variant.weights in _WEIGHTS and variant.weights != OWN_WEIGHTS[variant.method]:
+        method = replace(method, mix=triangle_mix(_WEIGHTS[variant.weights]))
+    mesh = mesh_of(variant.warp)
+    if mesh is None:
+        return method
+    name, cost = method.name, method.cost
+    return MeshMethod(name, method.viewpoints, method.sources, method.mix, method.warp, cost, mesh=mesh)
+
+
+def bytes_read(bake: Bake, method: Method, precision: str) -> int:
+    """Size of what a method reads [bytes], in memory: three channels a texel of each map, and the light if it does."""
+    maps = 3 * _FLOAT_BYTES[precision] * bake.view_count * bake.resolution**2
+    return maps + bake.light.nbytes if isinstance(method, ModelledMethod) else maps
+
+
+def _half(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.clip(image, -LARGEST_HALF, LARGEST_HALF).astype(np.float16).astype(np.float32)

@@ -1,0 +1,1 @@
+"""Holds a reconstruction against path-traced truth: reference, metrics, novel views."""

@@ -1,0 +1,1 @@
+"""Whether a bake can be trusted: non-finite texels, holes, fireflies, energy drift."""

@@ -1,0 +1,39 @@
+"""Checks a bake by itself, without rendering: its maps, the maps together, and how new views read them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rsibr.store.bake import Bake, open_bake
+from rsibr.validation.health.health import Health, assess
+from rsibr.validation.health.health_report import write_health
+from rsibr.validation.validation import DEFAULT_VIEWS, novel_views
+
+
+def check(bake: Bake | Path | str, *, out: Path | str | None = None) -> Health:
+    """Look for what cannot be trusted in a bake: NaN, holes, fireflies, energy drift, half-float overflow.
+
+    Parameters
+    ----------
+    bake : Bake or path
+        A finished bake.
+    out : path, optional
+        Directory for `health.html`, `health.json` and the pictures.
+
+    Returns
+    -------
+    Health
+        Its `trusted` is false where a texel is NaN, Inf or missing.
+
+    Raises
+    ------
+    BakeError
+        If the bake cannot be read, or `out` cannot be written.
+    MachineError
+        If the machine has no usable backend.
+    """
+    opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
+    health = assess(opened, [view for _, view in novel_views(opened, DEFAULT_VIEWS)])
+    if out is not None:
+        write_health(health, Path(out))
+    return health

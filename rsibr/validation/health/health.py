@@ -1,0 +1,328 @@
+"""Numerical health of a whole bake: what cannot be trusted, where it is, and what it looks like."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr import backend
+from rsibr.errors import InputError
+from rsibr.geometry.viewpoints import from_directions
+from rsibr.scene.config import Config
+from rsibr.scene.environment import Environment, load_environment
+from rsibr.store.bake import Bake
+from rsibr.store.health import MapHealth, map_health
+from rsibr.store.map_file import MapFile
+from rsibr.validation.health.energy import ERRORS, Drift, MapMeans, drifting_views, mean_of_map
+from rsibr.validation.report.pictures import RELATIVE_ERROR, Rgba, false_colour, outlined
+from rsibr.validation.singularity import near_singularity
+
+Verdict = Literal["failed", "warning"]
+
+KINDS: dict[str, tuple[Verdict, str]] = {
+    "non_finite": ("failed", "NaN or Inf"),
+    "holes": ("failed", "inside the disk and not covered"),
+    "fireflies": ("warning", "a few bright samples make it, unlike all around it"),
+    "half_overflow": ("warning", "above 65504, which half precision turns into Inf"),
+}
+"""What is looked for in each map: how bad a texel of the kind is, and what is wrong with it."""
+
+MARKS = {
+    "non_finite": (0, 229, 255),
+    "holes": (57, 255, 20),
+    "fireflies": (64, 140, 255),
+    "half_overflow": (150, 160, 170),
+}
+"""Colour of the outline around a found texel: none of them on the false-colour scale."""
+
+SCALE = replace(RELATIVE_ERROR, label="relative standard error of a texel")
+
+MOST_PLACES = 8
+"""Places named of each kind, the worst first."""
+
+MOST_PICTURES = 6
+"""Views that are drawn: those with most findings; the noisiest one where there is none."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a texel is.
+
+    Attributes
+    ----------
+    view : int
+        Index of the stored view.
+    row, column : int
+        Of the image; row 0 is the top.
+    s, t : float
+        Centre of the texel in the sphere map, s right, t up.
+    normal, reflection : tuple of float
+        The surface normal there and the mirrored view direction, unit vectors in world coordinates.
+    value : float or None
+        What makes it a finding: relative standard error of a firefly, radiance of an overflow; None where that is
+        infinite, and for the other kinds.
+    """
+
+    view: int
+    row: int
+    column: int
+    s: float
+    t: float
+    normal: tuple[float, float, float]
+    reflection: tuple[float, float, float]
+    value: float | None
+
+
+@dataclass(frozen=True)
+class Finding:
+    """All texels of one kind.
+
+    Attributes
+    ----------
+    kind : str
+        Of `KINDS`.
+    verdict : str
+        `"failed"` or `"warning"`: what a texel of this kind means.
+    meaning : str
+        What the kind is, in words.
+    texels, views : int
+        How many, in how many views.
+    places : tuple of Place
+        At most `MOST_PLACES`, the worst first.
+    """
+
+    kind: str
+    verdict: Verdict
+    meaning: str
+    texels: int
+    views: int
+    places: tuple[Place, ...]
+
+    def __str__(self) -> str:
+        """Return what a person reads: `2 texels in 1 view: non-finite (NaN or Inf)`."""
+        texels, views = ("" if count == 1 else "s" for count in (self.texels, self.views))
+        return (
+            f"{self.texels} texel{texels} in {self.views} view{views}: {self.kind.replace('_', '-')} ({self.meaning})"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Health:
+    """What `rsibr check` found.
+
+    Attributes
+    ----------
+    bake : str
+        Path of the bake.
+    views, texels : int
+        Stored views, and texels inside the disk of all of them.
+    findings : dict of str to Finding
+        One of each of `KINDS`, also where nothing was found.
+    largest : float
+        Largest finite radiance of all maps [W sr⁻¹ m⁻²].
+    relative_error : float
+        Median relative standard error of all texels.
+    drifts : tuple of Drift
+        Views whose light does not fit the other views'.
+    above_light : tuple of int
+        Views with a mean radiance above the environment's largest: more than an albedo of 1 can reflect.
+    energy_note : str
+        Why the energy was not judged; empty where it was.
+    near_singularity : float or None
+        See `rsibr.validation.singularity.near_singularity`; None for a bake that is warped by the normal.
+    clamp : float or None
+        `sampling.clamp` of the bake.
+    pictures : dict of int to ndarray, shape (N, N, 4), uint8
+        Relative standard error of some views in false colour, found texels outlined in the colour of `MARKS`.
+    """
+
+    bake: str
+    views: int
+    texels: int
+    findings: dict[str, Finding]
+    largest: float
+    relative_error: float
+    drifts: tuple[Drift, ...]
+    above_light: tuple[int, ...]
+    energy_note: str
+    near_singularity: float | None
+    clamp: float | None
+    pictures: dict[int, Rgba]
+
+    @property
+    def trusted(self) -> bool:
+        """Whether no texel makes the maps unusable: none is NaN, Inf or missing."""
+        return not any(finding.texels for finding in self.findings.values() if finding.verdict == "failed")
+
+    @property
+    def warnings(self) -> int:
+        """How many kinds of findings call for a look without making the maps unusable."""
+        texels = sum(finding.texels > 0 for finding in self.findings.values() if finding.verdict == "warning")
+        return texels + bool(self.drifts) + bool(self.above_light) + (self.clamp is not None)
+
+
+def assess(bake: Bake, views: Sequence[NDArray[np.float64]]) -> Health:
+    """Look at every map of a bake, at the maps together, and at how new views would read them.
+
+    Parameters
+    ----------
+    bake : Bake
+        A finished bake. Where its environment's file is gone or has changed, its energy is not judged.
+    views : sequence of ndarray, shape (3,)
+        New view directions, for the share of texels near a singularity.
+
+    Returns
+    -------
+    Health
+
+    Notes
+    -----
+    False alarms: fireflies below 1e-5 a texel of a bake of 4 to 11 samples, none seen with more (`rsibr.store.health`);
+    drift below 1e-3 a bake where the kernel's residuals are Gaussian (`rsibr.validation.health.energy`); the bound by the
+    environment below 3e-7 a channel of a view. All else is counted, not estimated.
+    """
+    backend.use()
+    survey = _Survey(bake)
+    drifts, above, note = _judge_energy(bake, survey.means)
+    return Health(
+        bake=str(bake.path),
+        views=bake.view_count,
+        texels=survey.texels,
+        findings=survey.findings(),
+        largest=survey.largest,
+        relative_error=float(np.median(survey.relative_errors)) if survey.relative_errors else 0.0,
+        drifts=tuple(drifts),
+        above_light=tuple(above),
+        energy_note=note,
+        near_singularity=_near_singularity(bake, views),
+        clamp=bake.config["sampling"].get("clamp"),
+        pictures=survey.pictures(),
+    )
+
+
+class _Survey:
+    """All maps of a bake, looked at one after the other."""
+
+    def __init__(self, bake: Bake) -> None:
+        self.texels = 0
+        self.largest = 0.0
+        self.relative_errors: list[float] = []
+        self._masks = {kind: [0, 0] for kind in KINDS}
+        self._places: dict[str, list[tuple[float, Place]]] = {kind: [] for kind in KINDS}
+        self._drawn: list[tuple[int, float, int, Rgba]] = []
+        means, errors = zip(*(self._see(index, bake.map(index)) for index in range(bake.view_count)), strict=True)
+        self.means = MapMeans(np.stack(means), np.stack(errors))
+
+    def findings(self) -> dict[str, Finding]:
+        found = {}
+        for kind, (verdict, meaning) in KINDS.items():
+            texels, views = self._masks[kind]
+            places = tuple(place for _, place in self._places[kind])
+            found[kind] = Finding(kind, verdict, meaning, texels, views, places)
+        return found
+
+    def pictures(self) -> dict[int, Rgba]:
+        """Return those with findings, the most first; the noisiest one where there are none."""
+        worst = [drawn for drawn in self._drawn if drawn[0]] or self._drawn[:1]
+        return {view: picture for _, _, view, picture in worst}
+
+    def _see(self, index: int, map_file: MapFile) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        seen = map_health(map_file)
+        self.texels += int((map_file.coverage > 0).sum())
+        self.largest = max(self.largest, seen.largest)
+        self._note_noise(index, seen)
+        for kind, mask in seen.found.items():
+            self._masks[kind][0] += int(mask.sum())
+            self._masks[kind][1] += bool(mask.any())
+            self._note_places(kind, index, map_file, seen)
+        variance = map_file.variance if map_file.variance is not None else np.zeros((*map_file.coverage.shape, 3))
+        sound = (map_file.coverage > 0) & ~seen.found["non_finite"]
+        radiance = np.stack(list(map_file.layers.values()))[:, sound].sum(axis=0, dtype=np.float64)
+        weight = map_file.coverage[sound].astype(np.float64)
+        return mean_of_map(radiance, variance[sound].astype(np.float64), weight)
+
+    def _note_noise(self, index: int, seen: MapHealth) -> None:
+        known = seen.relative_error[np.isfinite(seen.relative_error)]
+        noise = float(np.median(known)) if known.size else 0.0
+        self.relative_errors.append(noise)
+        count = sum(int(mask.sum()) for mask in seen.found.values())
+        least = self._drawn[-1][:2] if len(self._drawn) == MOST_PICTURES else (-1, -1.0)
+        if (count, noise) > least:
+            self._drawn.append((count, noise, index, _drawn(seen)))
+            self._drawn = heapq.nlargest(MOST_PICTURES, self._drawn, key=lambda drawn: drawn[:2])
+
+    def _note_places(self, kind: str, index: int, map_file: MapFile, seen: MapHealth) -> None:
+        cells = np.argwhere(seen.found[kind])
+        badness = _badness(kind, map_file, seen)[tuple(cells.T)]
+        for i in np.argsort(-badness, kind="stable")[:MOST_PLACES]:
+            row, column = cells[i].tolist()
+            value = float(badness[i])
+            self._places[kind].append((value, _place(index, map_file, row, column, value if value else None)))
+        self._places[kind] = heapq.nlargest(MOST_PLACES, self._places[kind], key=lambda entry: entry[0])
+
+
+def _badness(kind: str, map_file: MapFile, seen: MapHealth) -> NDArray[np.float64]:
+    """What texels of a kind are ranked by, the worst highest; 0 where none is worse than another."""
+    if kind == "fireflies":
+        return seen.relative_error
+    if kind == "half_overflow":
+        layers = np.stack(list(map_file.layers.values()))
+        return np.asarray(np.where(np.isfinite(layers), layers, 0).max(axis=(0, 3)), dtype=np.float64)
+    return np.zeros(map_file.coverage.shape)
+
+
+def _place(index: int, map_file: MapFile, row: int, column: int, value: float | None) -> Place:
+    count = map_file.resolution
+    x, y = (column + 0.5) * 2 / count - 1, 1 - (row + 0.5) * 2 / count
+    shrink = max(1.0, float(np.hypot(x, y)))
+    x, y = x / shrink, y / shrink
+    normal = map_file.frame @ np.array([x, y, np.sqrt(max(0.0, 1 - x * x - y * y))])
+    reflection = 2 * (normal @ map_file.view) * normal - map_file.view
+    s, t = (column + 0.5) / count, 1 - (row + 0.5) / count
+    finite = value if value is not None and np.isfinite(value) else None
+    return Place(index, row, column, s, t, _rounded(normal), _rounded(reflection), finite)
+
+
+def _rounded(vector: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Six digits: a texel is no sharper, and `-0.0` reads badly."""
+    x, y, z = (round(float(component), 6) + 0.0 for component in vector)
+    return x, y, z
+
+
+def _drawn(seen: MapHealth) -> Rgba:
+    picture = false_colour(seen.relative_error, SCALE)
+    for kind, mask in seen.found.items():
+        picture = outlined(picture, mask, MARKS[kind])
+    return picture
+
+
+def _judge_energy(bake: Bake, means: MapMeans) -> tuple[list[Drift], list[int], str]:
+    """Drifting views, views above the environment, and why they were not judged if they were not."""
+    try:
+        environment = load_environment(Config.model_validate(bake.config).environment)
+    except InputError as error:
+        return [], [], f"the environment cannot be loaded: {error}"
+    if bake.manifest.identity["environment"]["content"] != environment.digest:
+        return [], [], "the environment has changed since the bake"
+    drifts = drifting_views(means, bake.directions, environment.emitter())
+    brightest = _brightest(environment)
+    if brightest is None:
+        return drifts, [], ""
+    above = (means.mean > brightest * (1 + 1e-4) + ERRORS * means.error).any(axis=1)
+    return drifts, np.flatnonzero(above).tolist(), ""
+
+
+def _brightest(environment: Environment) -> NDArray[np.float64] | None:
+    """Largest radiance of a map, a channel each; None for an emitter that is none."""
+    return None if environment.image is None else environment.image.max(axis=(0, 1)).astype(np.float64)
+
+
+def _near_singularity(bake: Bake, views: Sequence[NDArray[np.float64]]) -> float | None:
+    if bake.manifest.material.warp != "mirror" or not bake.has_views or not len(views):
+        return None
+    return near_singularity(from_directions(bake.directions, bake.triangles), views)

@@ -1,0 +1,103 @@
+"""The schema of `health.json`, which `rsibr check --json` prints and `metrics.json` holds."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from rsibr.validation.health.health import Finding, Health
+
+Share = Annotated[float, Field(ge=0, le=1)]
+Positive = Annotated[float, Field(ge=0)]
+Direction = tuple[float, float, float]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class PlaceModel(_Model):
+    """A texel of a stored map."""
+
+    view: int = Field(description="index of the stored view")
+    row: int = Field(description="0 is the top")
+    column: int
+    s: Share = Field(description="to the right")
+    t: Share = Field(description="upwards")
+    normal: Direction = Field(description="surface normal, world coordinates")
+    reflection: Direction = Field(description="mirrored view direction, world coordinates")
+    value: float | None = Field(description="relative standard error or radiance, by kind; null: no finite number")
+
+
+class FindingModel(_Model):
+    """All texels of one kind."""
+
+    verdict: Literal["failed", "warning"] = Field(description="what a texel of this kind means")
+    meaning: str
+    texels: int = Field(ge=0)
+    views: int = Field(ge=0, description="views that hold them")
+    places: list[PlaceModel] = Field(description="at most eight, the worst first")
+
+    @classmethod
+    def of(cls, finding: Finding) -> FindingModel:
+        """Take over a finding."""
+        places = [PlaceModel(**vars(place)) for place in finding.places]
+        return cls(
+            verdict=finding.verdict,
+            meaning=finding.meaning,
+            texels=finding.texels,
+            views=finding.views,
+            places=places,
+        )
+
+
+class DriftModel(_Model):
+    """A view whose light does not fit the other views'."""
+
+    view: int
+    channel: str
+    ratio: float = Field(description="mean radiance over what the other views predict")
+    p_value: Share = Field(description="two-sided, of this one deviation")
+
+
+class HealthModel(_Model):
+    """Numerical health of the maps. `trusted` is false where a texel is NaN, Inf or missing."""
+
+    trusted: bool
+    warnings: int = Field(ge=0, description="kinds of findings that call for a look")
+    views: int
+    texels: int = Field(description="inside the disk, all views")
+    findings: dict[str, FindingModel]
+    largest: float = Field(description="largest finite radiance")
+    relative_error: Positive = Field(description="median relative standard error of the texels")
+    drifts: list[DriftModel]
+    above_light: list[int] = Field(description="views brighter on average than the environment's brightest texel")
+    energy_note: str = Field(description="why drifts and above_light were not judged; empty where they were")
+    near_singularity: Share | None = Field(
+        description="share of a new view's texels with a source of confidence below 0.1; null for the normal warp"
+    )
+    clamp: float | None = Field(description="sampling.clamp of the bake: its maps are too dark where it took effect")
+
+    @classmethod
+    def of(cls, health: Health) -> HealthModel:
+        """Take over what was found."""
+        return cls(
+            trusted=health.trusted,
+            warnings=health.warnings,
+            views=health.views,
+            texels=health.texels,
+            findings={kind: FindingModel.of(finding) for kind, finding in health.findings.items()},
+            largest=health.largest,
+            relative_error=health.relative_error,
+            drifts=[DriftModel(**vars(drift)) for drift in health.drifts],
+            above_light=list(health.above_light),
+            energy_note=health.energy_note,
+            near_singularity=health.near_singularity,
+            clamp=health.clamp,
+        )
+
+    def to_json(self) -> str:
+        """Return strict JSON, indented."""
+        return json.dumps(self.model_dump(mode="json"), indent=2, allow_nan=False, ensure_ascii=False) + "\n"

@@ -1,0 +1,249 @@
+"""Which lobe a reconstruction gets wrong: the part of each in a map of `rsibr`, against the truth of each lobe."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.errors import BakeError, InputError
+from rsibr.lobes.split import LobeSplit
+from rsibr.methods.protocol import Method
+from rsibr.methods.reconstruction import run
+from rsibr.methods.registry import MethodSet
+from rsibr.scene.environment import Environment
+from rsibr.scene.material import Material
+from rsibr.store.bake import Bake
+from rsibr.store.noise import COVERED, denominator
+from rsibr.validation.estimate import Estimate, jackknife, mean_estimate
+from rsibr.validation.lobe_reference import LobeReference
+
+METHOD = "rsibr"
+"""The method whose lobes are judged."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LobeError:
+    """One lobe at one view.
+
+    Attributes
+    ----------
+    reference, image : ndarray, shape (H, W, 3)
+        Its radiance, and its part in the reconstruction, from the views that keep the lobe apart: black where the plan
+        left the lobe out of the bake.
+    rel_mse : Estimate
+        Mean of (a_k − b_k)²/(b² + ε) over texels and channels: the squared error of the lobe over the denominator of
+        the whole map's relMSE, the reference's noise taken out. Those of all lobes need not add up to the whole's:
+        errors of two lobes may cancel.
+    light : float
+        Share of the lobe in all light of the map.
+    relative_error : ndarray, shape (H, W)
+        Square root of the same, texel by texel, mean over the channels; NaN where nothing is judged.
+    """
+
+    reference: NDArray[np.float32]
+    image: NDArray[np.float32]
+    rel_mse: Estimate
+    light: float
+    relative_error: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class ViewLobes:
+    """All lobes at one view.
+
+    Attributes
+    ----------
+    errors : dict of str to LobeError
+        By the lobe's name.
+    samples, buffers : int
+        Samples a texel of the reference, and in how many independent buffers.
+    seconds : float
+        Time of the reference, with what had to be compiled.
+    """
+
+    errors: dict[str, LobeError]
+    samples: int
+    buffers: int
+    seconds: float
+
+    @property
+    def worst(self) -> str:
+        """Name of the lobe with the largest error."""
+        return max(self.errors, key=lambda name: self.errors[name].rel_mse.value)
+
+
+@dataclass(frozen=True)
+class LobeSummary:
+    """One lobe over all views.
+
+    Attributes
+    ----------
+    rel_mse : Estimate
+        Mean over the views.
+    rel_mse_range : tuple of two floats
+        Smallest and largest of the views.
+    light : float
+        Mean share of the light.
+    worst_views : int
+        Views at which no lobe has a larger error.
+    """
+
+    rel_mse: Estimate
+    rel_mse_range: tuple[float, float]
+    light: float
+    worst_views: int
+
+
+class LobeJudge:
+    """Judges the lobes of one bake at any view; what all views share is made once.
+
+    Parameters
+    ----------
+    bake : Bake
+        With its lobes kept apart.
+    environment, material
+        What it was made from.
+    methods : MethodSet
+        Of the bake.
+    samples, buffers : int
+        Samples a texel of each reference at least, and in how many independent buffers.
+
+    Raises
+    ------
+    BakeError
+        If the bake's lobes are not those into which the material is split today.
+    """
+
+    def __init__(
+        self,
+        bake: Bake,
+        environment: Environment,
+        material: Material,
+        methods: MethodSet,
+        samples: int,
+        buffers: int,
+    ) -> None:
+        split = LobeSplit.of(material.bsdf())
+        stored = [record.name for record in bake.manifest.lobes]
+        if {*stored, *_left_out(bake)} != set(split.names):
+            raise BakeError(
+                f"its lobes ({', '.join(stored)}) are not those of this version of rsibr ({', '.join(split.names)})",
+                where=str(bake.path),
+                fix="bake it again, or leave the lobes out (--no-lobes)",
+            )
+        self._reference = LobeReference(
+            environment, material, bake.resolution, split, bake.rendering,
+            samples=samples, buffers=buffers, seed=int(bake.config["sampling"]["seed"]),
+        )  # fmt: skip
+        self._parts = {name: methods.prefiltered(lobe=name) if name in stored else None for name in split.names}
+        self._resolution = bake.resolution
+
+    def at(self, frame: NDArray[np.float64]) -> ViewLobes:
+        """Reconstruct each lobe at the view of `frame`, columns x, y, v, and hold it against its reference."""
+        start = time.perf_counter()
+        buffers = self._reference.buffers(frame)
+        seconds = time.perf_counter() - start
+        errors = self._errors([self._image(part, frame) for part in self._parts.values()], buffers)
+        return ViewLobes(errors, self._reference.samples, len(buffers), seconds)
+
+    def _image(self, part: Method | None, frame: NDArray[np.float64]) -> NDArray[np.float32]:
+        if part is None:
+            return np.zeros((self._resolution, self._resolution, 3), dtype=np.float32)
+        return run(part, frame, self._resolution).image
+
+    def _errors(self, images: list[NDArray[np.float32]], buffers: NDArray[np.float32]) -> dict[str, LobeError]:
+        """Errors of the lobes from their maps, and their buffers of shape (K, covered texels, lobes, 3)."""
+        coverage = self._reference.coverage
+        covered, judged = coverage > 0, coverage >= COVERED
+        kept = judged[covered]
+        parts, mean = np.stack([image[judged] for image in images], axis=1), buffers.mean(axis=0, dtype=np.float64)
+        estimates = lobe_errors(parts, buffers[:, kept])
+        whole = denominator(mean[kept].sum(axis=1))
+        squared = ((parts - mean[kept]) ** 2 / whole[:, None]).mean(axis=-1)
+        light = (coverage[covered, None] * mean.sum(axis=-1)).sum(axis=0)
+        found = {}
+        for k, name in enumerate(self._parts):
+            picture = np.full(coverage.shape, np.nan, dtype=np.float32)
+            picture[judged] = np.sqrt(squared[:, k])
+            reference = self._reference.image(mean[:, k].astype(np.float32))
+            share = float(light[k] / light.sum()) if light.sum() > 0 else 0.0
+            found[name] = LobeError(reference, images[k], estimates[k], share, picture)
+        return found
+
+
+def has_lobes(bake: Bake, methods: Sequence[str], wanted: bool | None) -> bool:
+    """Whether the lobes of a bake are to be judged.
+
+    Parameters
+    ----------
+    bake : Bake
+        The bake.
+    methods : sequence of str
+        The methods that are judged.
+    wanted : bool or None
+        What the user says; None: where `METHOD` is among the methods and there is more than one lobe.
+
+    Raises
+    ------
+    InputError
+        If they are wanted, and there are none to tell apart.
+    """
+    count = len(bake.manifest.lobes) and len(bake.manifest.lobes) + len(_left_out(bake))
+    if wanted and count < 2:
+        what = "only one lobe" if count else "no lobes kept apart"
+        raise InputError(f"{bake.path} has {what}", where="--lobes", fix="leave --lobes out")
+    return METHOD in methods and count > 1 if wanted is None else wanted
+
+
+def _left_out(bake: Bake) -> Sequence[str]:
+    """Lobes that the plan of the bake left out."""
+    return bake.manifest.plan.left_out if bake.manifest.plan else ()
+
+
+def lobe_errors(parts: NDArray[np.floating], buffers: NDArray[np.floating]) -> list[Estimate]:
+    """Debiased squared error of each lobe over the denominator of the whole map's relMSE.
+
+    Parameters
+    ----------
+    parts : ndarray, shape (T, L, 3)
+        Radiance of each lobe at the judged texels.
+    buffers : ndarray, shape (K, T, L, 3)
+        Independent references of it.
+
+    Returns
+    -------
+    list of Estimate
+        One a lobe, with intervals from leaving each buffer out in turn.
+    """
+
+    def means(buffers: Array) -> Array:
+        mean, variance = buffers.mean(axis=0), buffers.var(axis=0, ddof=1) / len(buffers)
+        whole = denominator(mean.sum(axis=1))[:, None]
+        return np.asarray((((parts - mean) ** 2 - variance) / whole).mean(axis=(0, 2)))
+
+    exact = buffers.astype(np.float64)
+    values = means(exact)
+    left_out = np.array([means(np.delete(exact, k, axis=0)) for k in range(len(exact))])
+    return [jackknife(float(value), left_out[:, k]) for k, value in enumerate(values)]
+
+
+def summarise(views: Sequence[ViewLobes]) -> dict[str, LobeSummary]:
+    """Each lobe over all views, in the order of the bake."""
+
+    def summary(name: str) -> LobeSummary:
+        errors = [view.errors[name] for view in views]
+        values = [error.rel_mse.value for error in errors]
+        return LobeSummary(
+            rel_mse=mean_estimate([error.rel_mse for error in errors]),
+            rel_mse_range=(min(values), max(values)),
+            light=float(np.mean([error.light for error in errors])),
+            worst_views=sum(view.worst == name for view in views),
+        )
+
+    return {name: summary(name) for name in views[0].errors}

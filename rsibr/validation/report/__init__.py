@@ -1,0 +1,1 @@
+"""What a validation writes: page, tables, pictures."""

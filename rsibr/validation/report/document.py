@@ -1,0 +1,189 @@
+"""The schema of `metrics.json`, and its writing: strict JSON, without NaN."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, Literal
+
+from pydantic import Field
+
+from rsibr.planning.plan import Plan
+from rsibr.validation.health.health_document import HealthModel
+from rsibr.validation.report.estimate_document import EstimateModel, Interval, Positive, Share, StrictModel
+from rsibr.validation.report.lobe_document import LobesModel, ViewLobesModel
+from rsibr.validation.results import MethodResult, MethodSummary, Validation, ViewResult
+
+
+class WorstTexelModel(StrictModel):
+    """The texel with the largest relative squared error, its centre in sphere-map coordinates."""
+
+    s: Share = Field(description="to the right")
+    t: Share = Field(description="upwards")
+    error: Positive
+
+
+class MethodModel(StrictModel):
+    """One method at one view."""
+
+    rel_mse: EstimateModel
+    rel_mse_channels: tuple[EstimateModel, EstimateModel, EstimateModel] = Field(description="red, green, blue")
+    rel_mse_zones: dict[str, EstimateModel] = Field(description="inner r < 2/3, middle r < 0.9, rim beyond")
+    smape: Share = Field(description="mean of |a−b|/(|a|+|b|)")
+    flip: Share = Field(description="mean HDR-FLIP at the exposures given under reference")
+    energy_ratio: float | None = Field(description="Σa/Σb; null where light appears in a black channel")
+    worst_texel: WorstTexelModel
+    seconds: Positive = Field(description="time of the whole map")
+
+    @classmethod
+    def of(cls, result: MethodResult) -> MethodModel:
+        """Take over a method's result."""
+        error = result.error
+        red, green, blue = (EstimateModel.of(channel) for channel in error.rel_mse_channels)
+        return cls(
+            rel_mse=EstimateModel.of(error.rel_mse),
+            rel_mse_channels=(red, green, blue),
+            rel_mse_zones={zone: EstimateModel.of(value) for zone, value in error.rel_mse_zones.items()},
+            smape=error.smape,
+            flip=error.flip,
+            energy_ratio=error.energy_ratio,
+            worst_texel=WorstTexelModel(**vars(error.worst_texel)),
+            seconds=result.seconds,
+        )
+
+
+class ViewModel(StrictModel):
+    """All methods at one view."""
+
+    view: tuple[float, float, float] = Field(description="unit vector from the surface to the viewer, +Y up")
+    label: str = Field(description="why this view was chosen")
+    noise_floor: Positive = Field(description="relMSE of the reference's own noise; taken out of rel_mse")
+    reference_seconds: Positive
+    methods: dict[str, MethodModel]
+    lobes: ViewLobesModel | None = Field(description="lobe by lobe; null where nobody looked")
+
+    @classmethod
+    def of(cls, view: ViewResult) -> ViewModel:
+        """Take over a view's results."""
+        return cls(
+            view=view.view,
+            label=view.label,
+            noise_floor=view.noise_floor,
+            reference_seconds=view.reference.seconds,
+            methods={name: MethodModel.of(result) for name, result in view.methods.items()},
+            lobes=None if view.lobes is None else ViewLobesModel.of(view.lobes),
+        )
+
+
+class SummaryModel(StrictModel):
+    """One method over all views: means, with the range over the views beside them."""
+
+    rel_mse: EstimateModel
+    rel_mse_range: Interval
+    rel_mse_zones: dict[str, EstimateModel]
+    smape: Share
+    flip: Share
+    energy_ratio: float | None
+    worst_texel: Positive = Field(description="largest relative squared error of any texel of any view")
+    seconds: Positive = Field(description="mean time of a map")
+    seconds_range: Interval
+    bytes: int = Field(ge=0, description="what the method reads from disk: the bake")
+    path_tracing_seconds: Positive = Field(description="time of a path-traced map of equal relMSE")
+    break_even_views: int | None = Field(description="views after which the bake has paid for itself; null: never")
+
+    @classmethod
+    def of(cls, summary: MethodSummary, size: int) -> SummaryModel:
+        """Take over a method's summary."""
+        values: dict[str, Any] = dict(vars(summary))
+        values["rel_mse"] = EstimateModel.of(summary.rel_mse)
+        values["rel_mse_zones"] = {zone: EstimateModel.of(e) for zone, e in summary.rel_mse_zones.items()}
+        return cls(**values, bytes=size)
+
+
+class BakeModel(StrictModel):
+    """What was baked and what it cost."""
+
+    name: str
+    material: str
+    environment: str
+    views: int
+    resolution: int
+    samples: int
+    seconds: Positive
+    bytes: int
+    details: dict[str, str | int | float]
+
+
+class FlipModel(StrictModel):
+    """Exposures [stops] at which HDR-FLIP looked, the same for all views and methods."""
+
+    start: float
+    stop: float
+    count: int
+
+
+class ReferenceModel(StrictModel):
+    """The path-traced truth of all views."""
+
+    samples: int = Field(description="samples a texel, all buffers together")
+    buffers: int
+    sampler: str
+    seconds: Positive = Field(description="rendering time of all views together, nothing compiled")
+    compile_seconds: Positive
+    noise_floor: Positive = Field(description="mean over the views")
+    flip_exposures: FlipModel
+
+
+class MetricsDocument(StrictModel):
+    """`metrics.json`: how far each method's maps are from path-traced truth, and what they cost. Times in seconds."""
+
+    schema_version: Literal[1] = Field(alias="schema")
+    bake: BakeModel
+    reference: ReferenceModel
+    views: list[ViewModel]
+    summary: dict[str, SummaryModel]
+    lobes: LobesModel | None = Field(description="the lobes over all views; null where nobody looked")
+    health: HealthModel | None = Field(description="numerical health of the bake; null where nobody looked")
+    plan: Plan | None = Field(description="effects that the bake simulated or left out; null in bakes without a plan")
+
+    def to_json(self) -> str:
+        """Return strict JSON, indented."""
+        return json.dumps(self.model_dump(mode="json", by_alias=True), indent=2, allow_nan=False) + "\n"
+
+
+def metrics_document(validation: Validation) -> MetricsDocument:
+    """Put a validation into the shape of `metrics.json`.
+
+    Parameters
+    ----------
+    validation : Validation
+
+    Returns
+    -------
+    MetricsDocument
+        `to_json()` gives the file's text; `model_dump(mode="json", by_alias=True)` what `validate --json` prints.
+    """
+    references = [view.reference for view in validation.views]
+    return MetricsDocument(
+        schema=1,
+        bake=BakeModel(**vars(validation.bake)),
+        reference=ReferenceModel(
+            samples=references[0].samples,
+            buffers=len(references[0].buffers),
+            sampler=references[0].sampler,
+            seconds=sum(reference.seconds for reference in references),
+            compile_seconds=sum(reference.compile_seconds for reference in references),
+            noise_floor=sum(view.noise_floor for view in validation.views) / len(references),
+            flip_exposures=FlipModel(**vars(validation.exposures)),
+        ),
+        views=[ViewModel.of(view) for view in validation.views],
+        summary={name: SummaryModel.of(s, validation.bake.bytes) for name, s in validation.summary.items()},
+        lobes=LobesModel.of(validation.lobes) if validation.lobes else None,
+        health=None if validation.health is None else HealthModel.of(validation.health),
+        plan=validation.plan,
+    )
+
+
+def metrics_schema() -> str:
+    """JSON Schema of `metrics.json`, as `docs/metrics.schema.json` holds it."""
+    schema = MetricsDocument.model_json_schema(by_alias=True, mode="serialization")
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"

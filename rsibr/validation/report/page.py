@@ -1,0 +1,94 @@
+"""HTML pages from templates: one file that holds all it shows, numbers written as a person reads them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+import rsibr
+from rsibr.validation.estimate import Estimate, readable
+from rsibr.validation.health.health import MARKS, SCALE
+from rsibr.validation.report import pictures
+from rsibr.validation.report.pictures import FLIP, RELATIVE_ERROR, Rgba, Scale
+
+_LONGEST_EMBEDDED = 256
+"""Texels a side that the page holds of each picture; the files in `pictures/` hold all."""
+
+
+def render(template: str, **values: Any) -> str:
+    """Fill in a template.
+
+    Parameters
+    ----------
+    template : str
+        File name, in `validation/report` or `validation/health`.
+    **values
+        What the template names.
+
+    Returns
+    -------
+    str
+        HTML that refers to nothing outside itself.
+    """
+    loader = ChoiceLoader([PackageLoader(f"rsibr.validation.{room}", ".") for room in ("report", "health")])
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    environment.filters |= {
+        "number": number,
+        "estimate": estimate,
+        "duration": duration,
+        "size": size,
+        "picture": _embedded,
+    }
+    environment.globals |= {
+        "ticks": _ticks,
+        "relative_error": RELATIVE_ERROR,
+        "flip": FLIP,
+        "marks": MARKS,
+        "standard_error": SCALE,
+        "bar": ", ".join(pictures.bar_colours()),
+        "version": rsibr.__version__,
+    }
+    return environment.get_template(template).render(**values)
+
+
+def _embedded(picture: Rgba) -> str:
+    return pictures.data_uri(pictures.shrunk(picture, _LONGEST_EMBEDDED))
+
+
+def _ticks(scale: Scale) -> list[tuple[float, str]]:
+    """Places on the bar in per cent, and their text."""
+    return [(100 * float(scale.position(value)), text) for value, text in scale.ticks]
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Write a number for a person, as `readable` does; a dash for None."""
+    return "–" if value is None else _kept_together(readable(value, digits))
+
+
+def estimate(value: Estimate) -> str:
+    """Write an estimate with its interval for a person."""
+    return _kept_together(str(value))
+
+
+def duration(seconds: float) -> str:
+    """Write a time for a person: `2.5 ms`, `12.3 s`, `3 min 20 s`, `2 h 05 min`."""
+    if seconds < 1.0:
+        return _kept_together(f"{readable(seconds * 1e3)} ms")
+    if seconds < 60.0:
+        return _kept_together(f"{readable(seconds)} s")
+    minutes, rest = divmod(round(seconds), 60)
+    long = f"{minutes // 60} h {minutes % 60:02d} min"
+    return _kept_together(f"{minutes} min {rest:02d} s" if minutes < 60 else long)
+
+
+def size(count: int) -> str:
+    """Write a number of bytes for a person: `3.20 MiB`."""
+    exponent = min(int(math.log2(count) // 10), 4) if count > 0 else 0
+    return _kept_together(f"{readable(count / 1024**exponent)} {('B', 'KiB', 'MiB', 'GiB', 'TiB')[exponent]}")
+
+
+def _kept_together(text: str) -> str:
+    """Text that a line does not break within."""
+    return text.replace(" ", "\u00a0")

@@ -1,0 +1,172 @@
+"""Pictures that a person looks at: tone-mapped radiance, errors in false colour on a fixed scale, PNG."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.image import imsave
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from rsibr.validation.reference import Reference
+
+Rgba = NDArray[np.uint8]
+
+_BRIGHT_PERCENTILE = 95.0
+_BRIGHT = 0.8
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How false colour shows a number.
+
+    Attributes
+    ----------
+    label : str
+        What the number is.
+    low, high : float
+        Ends of the colour bar; what lies beyond takes the colour of the end.
+    logarithmic : bool
+        Whether equal steps of colour are equal ratios.
+    ticks : tuple of (float, str)
+        Values to mark, and their text.
+    """
+
+    label: str
+    low: float
+    high: float
+    logarithmic: bool
+    ticks: tuple[tuple[float, str], ...]
+
+    def position(self, value: NDArray[np.floating] | float) -> NDArray[np.float64]:
+        """Place of a value on the bar, 0 at its low end, 1 at its high end; NaN stays NaN."""
+        low, high, x = self.low, self.high, np.asarray(value, dtype=np.float64)
+        if self.logarithmic:
+            low, high, x = np.log(low), np.log(high), np.log(np.maximum(x, low))
+        return np.clip((x - low) / (high - low), 0.0, 1.0)
+
+
+RELATIVE_ERROR = Scale(
+    "relative error of a texel", 1e-3, 1.0, True, ((1e-3, "0.1 %"), (1e-2, "1 %"), (1e-1, "10 %"), (1.0, "100 %"))
+)
+FLIP = Scale("HDR-FLIP", 0.0, 1.0, False, ((0.0, "0"), (0.25, "0.25"), (0.5, "0.5"), (0.75, "0.75"), (1.0, "1")))
+
+COLOUR_MAP = "magma"
+"""Perceptually even, readable without colour vision; FLIP's own choice."""
+
+
+def display_exposure(references: Sequence[Reference]) -> float:
+    """Factor on radiance that shows all these maps well: one for a whole report.
+
+    Parameters
+    ----------
+    references : sequence of Reference
+
+    Returns
+    -------
+    float
+        Brings the 95th percentile of the brightest channel of all covered texels to 0.8; 1 where all is black.
+    """
+    brightest = np.concatenate([r.mean[r.coverage >= 0.5].max(axis=-1) for r in references])
+    bright = float(np.percentile(brightest, _BRIGHT_PERCENTILE))
+    return _BRIGHT / bright if bright > 0 else 1.0
+
+
+def tone_mapped(image: NDArray[np.floating], coverage: NDArray[np.floating], exposure: float) -> Rgba:
+    """Radiance as a screen shows it: a fixed exposure, clipped, sRGB.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W, 3)
+        Scene-linear Rec.709. What is not covered may hold anything.
+    coverage : ndarray, shape (H, W)
+        Becomes the opacity.
+    exposure : float
+        Factor on radiance; the same for all pictures that are to be compared.
+
+    Returns
+    -------
+    ndarray, shape (H, W, 4), uint8
+    """
+    linear = np.clip(np.where(coverage[..., None] > 0, image, 0.0) * exposure, 0.0, 1.0)
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)  # IEC 61966-2-1
+    return _to_bytes(np.concatenate([encoded, np.clip(coverage, 0, 1)[..., None]], axis=-1))
+
+
+def false_colour(values: NDArray[np.floating], scale: Scale) -> Rgba:
+    """Numbers as colours; transparent where NaN.
+
+    Parameters
+    ----------
+    values : ndarray, shape (H, W)
+    scale : Scale
+
+    Returns
+    -------
+    ndarray, shape (H, W, 4), uint8
+    """
+    position = scale.position(values)
+    rgba = colormaps[COLOUR_MAP](np.nan_to_num(position))
+    rgba[..., 3] = np.isfinite(position)
+    return _to_bytes(rgba)
+
+
+def outlined(picture: Rgba, found: NDArray[np.bool_], colour: tuple[int, int, int]) -> Rgba:
+    """Draw a square around each found texel, wide enough to be seen, the texel itself left as it is.
+
+    Parameters
+    ----------
+    picture : ndarray, shape (H, W, 4), uint8
+    found : ndarray of bool, shape (H, W)
+    colour : tuple of int
+        Red, green, blue, 0 to 255.
+
+    Returns
+    -------
+    ndarray, shape (H, W, 4), uint8
+        A new picture; squares of neighbouring texels merge into one outline.
+    """
+    reach = max(2, len(found) // 40)
+    inner, outer = (binary_dilation(found, np.ones((2 * r + 1, 2 * r + 1), np.bool_)) for r in (reach - 1, reach))
+    return np.where((outer & ~inner)[..., None], np.array([*colour, 255], np.uint8), picture)
+
+
+def bar_colours(count: int = 17) -> list[str]:
+    """Colours along the bar of every scale, as CSS writes them."""
+    steps = _to_bytes(colormaps[COLOUR_MAP](np.linspace(0.0, 1.0, count)))
+    return [f"#{r:02x}{g:02x}{b:02x}" for r, g, b, _ in steps.tolist()]
+
+
+def shrunk(picture: Rgba, longest: int) -> Rgba:
+    """Average whole blocks of a picture until no side is longer than `longest`; smaller ones stay as they are."""
+    block = -(-max(picture.shape[:2]) // longest)
+    if block == 1:
+        return picture
+    height, width = (-(-side // block) * block for side in picture.shape[:2])
+    padding = ((0, height - picture.shape[0]), (0, width - picture.shape[1]), (0, 0))
+    padded = np.pad(picture, padding, mode="edge").astype(np.float64) / 255
+    premultiplied = np.concatenate([padded[..., :3] * padded[..., 3:], padded[..., 3:]], axis=-1)
+    mean = premultiplied.reshape(height // block, block, width // block, block, 4).mean(axis=(1, 3))
+    mean[..., :3] /= np.maximum(mean[..., 3:], 1e-6)
+    return _to_bytes(mean)
+
+
+def png(picture: Rgba) -> bytes:
+    """Encode a picture of shape (H, W, 4)."""
+    stream = io.BytesIO()
+    imsave(stream, picture, format="png")
+    return stream.getvalue()
+
+
+def data_uri(picture: Rgba) -> str:
+    """Encode a picture so that an HTML page holds it itself."""
+    return "data:image/png;base64," + base64.b64encode(png(picture)).decode("ascii")
+
+
+def _to_bytes(values: NDArray[np.floating]) -> Rgba:
+    return np.asarray(np.rint(np.clip(values, 0.0, 1.0) * 255), dtype=np.uint8)

@@ -1,0 +1,134 @@
+"""The report of a validation: one HTML page that holds all it shows, `metrics.json`, and the pictures as files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.store.atomic import unwritable, write_atomic
+from rsibr.validation.health.health_report import write_health_pictures
+from rsibr.validation.lobes import ViewLobes
+from rsibr.validation.metrics import relative_noise_map
+from rsibr.validation.report import pictures
+from rsibr.validation.report.document import metrics_document
+from rsibr.validation.report.page import render
+from rsibr.validation.report.pictures import FLIP, RELATIVE_ERROR, Rgba
+from rsibr.validation.results import Validation, ViewResult
+
+REPORT_NAME = "report.html"
+METRICS_NAME = "metrics.json"
+PICTURES_NAME = "pictures"
+
+
+@dataclass(frozen=True, eq=False)
+class _LobePictures:
+    """Pictures of one lobe at one view."""
+
+    reference: Rgba
+    image: Rgba
+    error: Rgba
+
+
+@dataclass(frozen=True, eq=False)
+class _ViewPictures:
+    """Pictures of one view: of each method by name, of the reference, and of each lobe by name."""
+
+    reference: Rgba
+    noise: Rgba
+    images: dict[str, Rgba]
+    errors: dict[str, Rgba]
+    flips: dict[str, Rgba]
+    lobes: dict[str, _LobePictures]
+
+    def named(self, number: int) -> Iterator[tuple[str, Rgba]]:
+        """File names and pictures."""
+        yield f"view_{number:02d}_reference.png", self.reference
+        yield f"view_{number:02d}_reference_noise.png", self.noise
+        for kind, by_method in (("", self.images), ("_error", self.errors), ("_flip", self.flips)):
+            for method, picture in by_method.items():
+                yield f"view_{number:02d}_{method}{kind}.png", picture
+        for lobe, drawn in self.lobes.items():
+            for kind, picture in vars(drawn).items():
+                yield f"view_{number:02d}_lobe_{lobe}_{kind}.png", picture
+
+
+def write_report(validation: Validation, directory: Path) -> Path:
+    """Write the report, the metrics and the pictures.
+
+    Parameters
+    ----------
+    validation : Validation
+    directory : Path
+        Made where missing. Files of an earlier report are replaced, each at once; the page comes last.
+
+    Returns
+    -------
+    Path
+        The page: `directory / "report.html"`.
+
+    Raises
+    ------
+    BakeError, MachineError
+        If the directory cannot be written.
+    """
+    drawn = _draw(validation)
+    files = {name: picture for number, view in enumerate(drawn, 1) for name, picture in view.named(number)}
+    folder = directory / PICTURES_NAME
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for stale in folder.glob("view_[0-9][0-9]*_*.png"):
+            if stale.name not in files:
+                stale.unlink()
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    for name, picture in files.items():
+        write_atomic(folder / name, pictures.png(picture))
+    if validation.health is not None:
+        write_health_pictures(validation.health, directory)
+    write_atomic(directory / METRICS_NAME, metrics_document(validation).to_json().encode())
+    write_atomic(directory / REPORT_NAME, _page(validation, drawn).encode())
+    return directory / REPORT_NAME
+
+
+def _draw(validation: Validation) -> list[_ViewPictures]:
+    exposure = pictures.display_exposure([view.reference for view in validation.views])
+
+    def drawn(view: ViewResult) -> _ViewPictures:
+        coverage, methods = view.reference.coverage, view.methods.items()
+        return _ViewPictures(
+            reference=pictures.tone_mapped(view.reference.mean, coverage, exposure),
+            noise=pictures.false_colour(relative_noise_map(view.reference), RELATIVE_ERROR),
+            images={name: pictures.tone_mapped(result.image, coverage, exposure) for name, result in methods},
+            errors={n: pictures.false_colour(result.error.relative_error, RELATIVE_ERROR) for n, result in methods},
+            flips={name: pictures.false_colour(result.error.flip_map, FLIP) for name, result in methods},
+            lobes={} if view.lobes is None else lobes(view.lobes, coverage),
+        )
+
+    def lobes(found: ViewLobes, coverage: NDArray[np.float32]) -> dict[str, _LobePictures]:
+        return {
+            name: _LobePictures(
+                reference=pictures.tone_mapped(lobe.reference, coverage, exposure),
+                image=pictures.tone_mapped(lobe.image, coverage, exposure),
+                error=pictures.false_colour(lobe.relative_error, RELATIVE_ERROR),
+            )
+            for name, lobe in found.errors.items()
+        }
+
+    return [drawn(view) for view in validation.views]
+
+
+def _page(validation: Validation, drawn: list[_ViewPictures]) -> str:
+    summary = validation.summary
+    return render(
+        "report.html.j2",
+        validation=validation,
+        document=metrics_document(validation),
+        views=list(zip(validation.views, drawn, strict=True)),
+        ranking=sorted(summary, key=lambda name: summary[name].rel_mse.value),
+        health=validation.health,
+        plan=validation.plan,
+    )

@@ -1,0 +1,221 @@
+"""Holds a bake against path-traced truth: novel views, every method, error and time of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rsibr import backend
+from rsibr.errors import BakeError, CheckFailed, InputError
+from rsibr.geometry.frame import unit_view, view_frame
+from rsibr.methods.protocol import Method
+from rsibr.methods.reconstruction import Reconstruction, run
+from rsibr.methods.registry import METHODS, MethodSet, available, checked_name
+from rsibr.scene.config import Config
+from rsibr.scene.environment import Environment, load_environment
+from rsibr.scene.material import Material, load_material
+from rsibr.store.bake import Bake, open_bake
+from rsibr.validation.flip import exposures_for
+from rsibr.validation.health.health import Health, assess
+from rsibr.validation.health.health_report import write_health
+from rsibr.validation.lobes import LobeJudge, has_lobes
+from rsibr.validation.metrics import compare
+from rsibr.validation.reference import MINIMUM_BUFFERS, ReferenceRenderer
+from rsibr.validation.report.report import write_report
+from rsibr.validation.results import BakeSummary, MethodResult, Validation, ViewResult
+
+DEFAULT_VIEWS = 8
+DEFAULT_SAMPLES = 1024
+LOBE_SAMPLES = 4
+"""Samples of a path-traced reference to one of a lobe-resolved one, which is the less noisy for as many."""
+
+TIMED_RUNS = 5
+"""Runs of each reconstruction after the first, which compiles; their median is its time."""
+
+_VIEW_BRANCH = 0x76696577
+"""Branch of the seed tree (the letters "view") that novel views are drawn from."""
+
+
+def validate(
+    bake: Bake | Path | str,
+    *,
+    views: int | Sequence[ArrayLike] = DEFAULT_VIEWS,
+    methods: Sequence[str] | None = None,
+    samples: int = DEFAULT_SAMPLES,
+    buffers: int = MINIMUM_BUFFERS,
+    lobes: bool | None = None,
+    out: Path | str | None = None,
+    on_progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> Validation:
+    """Compare methods with path-traced references at views that were not baked.
+
+    Parameters
+    ----------
+    bake : Bake or path
+        A finished bake. The environment and material files that it was made from must be there, unchanged.
+    views : int or sequence of array_like
+        View directions; or how many to take: half at triangle centroids, the places farthest from any stored view, half
+        random from the bake's seed.
+    methods : sequence of str, optional
+        Names from `METHODS`; by default all that the bake has the lobes for.
+    samples : int
+        Samples a texel of each reference, all buffers together.
+    buffers : int
+        Independent buffers a reference, at least 8.
+    lobes : bool, optional
+        Whether to judge `rsibr` lobe by lobe as well, see `rsibr.validation.lobes`; by default where it is among the
+        methods and the bake has more than one.
+    out : path, optional
+        Directory for `report.html`, `metrics.json` and the pictures.
+    on_progress : callable
+        Called with the views done and the views in all.
+
+    Returns
+    -------
+    Validation
+        Error with its confidence interval, and time, of each method at each view.
+
+    Raises
+    ------
+    InputError
+        If a view or a method is wrong, an input file is gone, or lobes are wanted of a bake that has but one.
+    BakeError
+        If the bake cannot be read, or its inputs have changed since.
+    CheckFailed
+        If a map holds NaN or Inf, or lacks texels: before anything is rendered, the findings written to `out`.
+    """
+    backend.use()
+    opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
+    wanted = available(opened) if methods is None else methods
+    names = [checked_name(name) for name in dict.fromkeys(wanted)]
+    if not names:
+        raise InputError("no method given", where="--method", fix=f"there are: {', '.join(METHODS)}")
+    chosen = _chosen_views(opened, views)
+    by_lobe = has_lobes(opened, names, lobes)
+    health = _trusted_health(opened, [view for _, view in chosen], out)
+    environment, material = _scene_of(opened)
+    renderer = ReferenceRenderer(environment, material, opened.resolution, opened.rendering)
+    method_set = MethodSet(opened)
+    of_lobes = max(samples // LOBE_SAMPLES, buffers)
+    judge = LobeJudge(opened, environment, material, method_set, of_lobes, buffers) if by_lobe else None
+    exposures = exposures_for(_mean_radiance(opened))
+    results = []
+    for done, (label, view) in enumerate(chosen):
+        on_progress(done, len(chosen))
+        frame = view_frame(view)
+        reference = renderer.render(frame, samples, seed=_seed(opened), buffers=buffers)
+        found = {}
+        for name in names:
+            made = timed(method_set[name], frame, opened.resolution)
+            error = compare(made.image, reference, exposures, name=f"{name} at view {done}")
+            found[name] = MethodResult(made.image, error, made.seconds)
+        results.append(ViewResult(frame, reference, found, label, judge.at(frame) if judge else None))
+    on_progress(len(chosen), len(chosen))
+    validation = Validation(_summary(opened), results, exposures, health, opened.manifest.plan)
+    if out is not None:
+        write_report(validation, Path(out))
+    return validation
+
+
+def novel_views(bake: Bake, count: int) -> list[tuple[str, NDArray[np.float64]]]:
+    """View directions to judge a bake at, the same for the same bake and count.
+
+    Parameters
+    ----------
+    bake : Bake
+        Its triangles and its seed decide.
+    count : int
+        How many, at least 1: the first half, rounded up, at triangle centroids.
+
+    Returns
+    -------
+    list of (str, ndarray of shape (3,))
+        Why each view was taken, and its unit direction.
+    """
+    generator = np.random.default_rng(np.random.SeedSequence(_seed(bake), spawn_key=(_VIEW_BRANCH,)))
+    worst = min((count + 1) // 2, len(bake.triangles))
+    triangles = generator.permutation(len(bake.triangles))[:worst]
+    centroids = [bake.directions[bake.triangles[triangle]].sum(axis=0) for triangle in triangles]
+    random = list(generator.normal(size=(count - worst, 3)))
+    labels = ["triangle centroid"] * len(centroids) + ["random"] * len(random)
+    return [(label, unit_view(view)) for label, view in zip(labels, [*centroids, *random], strict=True)]
+
+
+def timed(method: Method, frame: NDArray[np.float64], resolution: int) -> Reconstruction:
+    """Make a map several times and give it the median time; the first time, which compiles, does not count."""
+    made = run(method, frame, resolution)
+    return replace(made, seconds=median(run(method, frame, resolution).seconds for _ in range(TIMED_RUNS)))
+
+
+def _chosen_views(bake: Bake, views: int | Sequence[ArrayLike]) -> list[tuple[str, NDArray[np.float64]]]:
+    if not isinstance(views, int):
+        given = [("given", unit_view(view)) for view in views]
+        if not given:
+            raise InputError("no view given", where="--view", fix="give at least one X,Y,Z")
+        return given
+    if views < 1:
+        raise InputError(f"{views} views", where="--views", fix="give at least 1")
+    return novel_views(bake, views)
+
+
+def _trusted_health(bake: Bake, views: list[NDArray[np.float64]], out: Path | str | None) -> Health:
+    """Look at the bake itself before hours of rendering; a map with NaN or holes cannot be judged."""
+    health = assess(bake, views)
+    if health.trusted:
+        return health
+    if out is not None:
+        write_health(health, Path(out))
+    found = "; ".join(
+        str(finding) for finding in health.findings.values() if finding.verdict == "failed" and finding.texels
+    )
+    raise CheckFailed(f"cannot be judged: {found}", where=str(bake.path), fix=f"see where: `rsibr check {bake.path}`")
+
+
+def _scene_of(bake: Bake) -> tuple[Environment, Material]:
+    """Load what the bake was made from, and make sure that it still is."""
+    config = Config.model_validate(bake.config)
+    environment, material = load_environment(config.environment), load_material(config.material)
+    for kind, digest in (("environment", environment.digest), ("material", material.digest)):
+        if bake.manifest.identity[kind]["content"] != digest:
+            raise BakeError(
+                f"the {kind} has changed since the bake", where=str(bake.path), fix="bake anew with --fresh"
+            )
+    return environment, material
+
+
+def _mean_radiance(bake: Bake) -> float:
+    """Mean over the stored maps: one exposure for all views and methods."""
+    maps = [bake.map(index) for index in range(bake.view_count)]
+    total = sum(float((m.radiance * m.coverage[..., None]).sum()) for m in maps)
+    return total / (3 * sum(float(m.coverage.sum()) for m in maps))
+
+
+def _seed(bake: Bake) -> int:
+    return int(bake.config["sampling"]["seed"])
+
+
+def _summary(bake: Bake) -> BakeSummary:
+    manifest = bake.manifest
+    return BakeSummary(
+        name=bake.path.stem,
+        material=manifest.material.name,
+        environment=manifest.environment.name,
+        views=bake.view_count,
+        resolution=bake.resolution,
+        samples=manifest.samples,
+        seconds=bake.seconds,
+        bytes=bake.bytes,
+        details={
+            "variant": manifest.variant,
+            "warp": manifest.material.warp,
+            "config_hash": manifest.config_hash,
+            "clipped_values": manifest.environment.clipped,
+            **({"notes": "; ".join(manifest.material.notes)} if manifest.material.notes else {}),
+            **{f"version_{name}": version for name, version in manifest.packages.items()},
+        },
+    )

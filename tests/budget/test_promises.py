@@ -1,0 +1,30 @@
+"""Promises, held against path-traced truth that shares nothing with what made them."""
+
+import pytest
+
+from tests.budget.promises import error_of_new_views, noise_of_stored_maps
+
+PAIRS = [
+    ("clearcoat-red", "city"),
+    ("clearcoat-red", "courtyard"),
+    ("glossy-plastic", "city"),
+    ("glossy-plastic", "studio"),
+    ("matte-lambert", "courtyard"),
+    ("metallic-silver", "city"),
+    ("metallic-silver", "sunset"),
+    ("pearl-white", "courtyard"),
+    ("candy-red", "sunset"),
+    ("mirror-silver", "sunset"),
+]
+
+
+@pytest.mark.slow
+def test_nine_of_ten_promised_errors_are_kept():
+    made = [error_of_new_views(material, environment, 0.02) for material, environment in PAIRS]
+    assert sum(one.kept for one in made) >= 9, "\n".join(map(str, made))
+
+
+@pytest.mark.slow
+def test_nine_of_ten_promised_noises_are_kept():
+    made = [noise_of_stored_maps(material, environment, 1e-3) for material, environment in PAIRS]
+    assert sum(one.kept for one in made) >= 9, "\n".join(map(str, made))

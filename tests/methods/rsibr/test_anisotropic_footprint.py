@@ -1,0 +1,95 @@
+"""A streak of lookups has the variance of the Gaussian that it stands for, in the plane of incidence and across it."""
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from rsibr.methods.rsibr.anisotropic_footprint import Slant, Streak, spreads_of_lookups
+from tests.arrays import to_numpy, unit_vectors, vector
+from tests.microfacet import viewer
+
+COSINES = (0.995, 0.8, 0.5, 0.25, 0.12)
+
+
+def slant(cosine):
+    return Slant.of(mi.Vector3f(0, 0, 1), mi.Vector3f(*viewer(cosine).tolist()))
+
+
+def squared_angles(cosine):
+    """A light that is the square of an angle to the mirror direction, in the plane and across: a blur adds its own."""
+    surface = slant(cosine)
+    r = mi.Vector3f(-np.sqrt(1 - cosine**2).item(), 0, cosine)
+    within, across = mi.Vector3f(cosine, 0, np.sqrt(1 - cosine**2).item()), mi.Vector3f(0, 1, 0)
+
+    def squared(d, width):
+        local = mi.Vector3f(dr.dot(d, surface.x), dr.dot(d, surface.y), d.z)
+        along = dr.atan2(dr.dot(local, within), dr.dot(local, r))
+        return mi.Color3f(along * along + width * width, dr.square(dr.dot(local, across)) + width * width, 0)
+
+    return surface, squared
+
+
+def spread(cosine, sigma, spacing=0.0):
+    """Standard deviations of a streak in its plane and across it, its blurs included, and the weight."""
+    surface, squared = squared_angles(cosine)
+
+    def colour(facet):
+        return 2 * dr.dot(facet, surface.v) * facet - surface.v, mi.Color3f(1)
+
+    streak = Streak.of(surface, mi.Float(sigma), mi.Float(spacing))
+    light, weight = streak.gather(spreads_of_lookups(), colour, squared)
+    return np.sqrt(to_numpy(light)[:2, 0]), to_numpy(weight)[0, 0]
+
+
+@pytest.mark.parametrize("cosine", COSINES)
+@pytest.mark.parametrize("sigma", [1e-3, 0.02])
+def test_it_is_twice_sigma_wide_in_the_plane_and_the_cosine_of_that_across(cosine, sigma):
+    (along, across), weight = spread(cosine, sigma)
+    assert weight == pytest.approx(1, rel=1e-5)
+    assert along == pytest.approx(2 * sigma, rel=0.02)
+    assert across == pytest.approx(2 * sigma * cosine, rel=0.02)
+
+
+@pytest.mark.parametrize("cosine", [0.995, 0.8, 0.5, 0.3])  # beyond, 24 lookups leave the streak too wide across
+def test_a_mirror_is_seen_through_the_texel(cosine):
+    """A texel of spacing s has the variance s²/12 of a box, and spans 1/cos θ as many normals toward the rim."""
+    spacing = 0.01
+    (along, across), _ = spread(cosine, 0.0, spacing)
+    box = spacing / np.sqrt(12)
+    assert along == pytest.approx(2 * box / cosine, rel=0.02)
+    assert across == pytest.approx(2 * box * cosine, rel=0.02)
+
+
+def test_a_point_sees_a_mirror_sharp():
+    (along, across), _ = spread(0.5, 0.0)
+    assert along == pytest.approx(0, abs=1e-6)
+    assert across == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("cosine", COSINES)
+def test_two_places_have_the_variance_in_the_plane(cosine):
+    """Gauss and Hermite's rule; the blur of a lookup bridges them, and so adds to it, and widens a long streak."""
+    surface, squared = squared_angles(cosine)
+    streak = Streak.of(surface, mi.Float(0.02), mi.Float(0))
+    along, across = np.sqrt(to_numpy(streak.at_two_places(squared))[:2, 0])
+    assert 0.04 * 0.97 < along < 0.04 * 1.04
+    assert across == pytest.approx(max(0.04 * cosine, 0.5 * to_numpy(streak.along)[0]), rel=0.03)
+
+
+def test_two_places_of_a_mirror_are_one():
+    surface, _ = squared_angles(0.5)
+    mirrored = Streak.of(surface, mi.Float(0), mi.Float(0)).at_two_places(lambda d, width: mi.Color3f(d.x, d.z, width))
+    assert to_numpy(mirrored)[:, 0] == pytest.approx([-np.sqrt(0.75), 0.5, 0], abs=1e-6)
+
+
+def test_a_slant_is_an_orthonormal_frame_with_the_viewer_in_its_plane(rng):
+    n, v = unit_vectors(rng, 2000), unit_vectors(rng, 2000)
+    v *= np.sign((n * v).sum(1, keepdims=True))
+    v[:3], v[3:6] = n[:3], n[3:6] + 1e-6  # head-on, where every plane is one of incidence
+    v /= np.linalg.norm(v, axis=1, keepdims=True)
+    made = Slant.of(vector(n), vector(v))
+    frame = np.stack([to_numpy(axis).T for axis in (made.x, made.y, made.n)], axis=2)
+    assert np.abs(np.swapaxes(frame, 1, 2) @ frame - np.eye(3)).max() < 3e-5
+    far = (n * v).sum(1) > 1e-2
+    assert np.abs(to_numpy(made.to_world(made.v)).T - v)[far].max() < 1e-5

@@ -1,0 +1,161 @@
+"""Residuals: nothing is lost at a stored view, whatever the model; elsewhere they count as the formula says."""
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from rsibr.geometry.frame import view_frame
+from rsibr.geometry.projections.sphere_map import texel_coverage
+from rsibr.geometry.spherical import gnomonic_weights
+from rsibr.geometry.viewpoints import icosphere
+from rsibr.light.environment_pyramid import LightStack
+from rsibr.light.radiance import Light
+from rsibr.lobes.albedo import node_cosines
+from rsibr.lobes.fit import ProxyLobe
+from rsibr.lobes.gaussians import LobeKernel
+from rsibr.methods.protocol import Cost
+from rsibr.methods.rsibr.lobe_albedo import LobeAlbedo
+from rsibr.methods.rsibr.lobe_integral import LobeModel
+from rsibr.methods.rsibr.residual_method import FineMethod, PrefilteredMethod
+from rsibr.methods.rsibr.residual_transport import carried, within_reach
+from rsibr.methods.rsibr.rsibr import PrefilteredLobes
+from rsibr.methods.warp_blend.blend import Mixture, triangle_mix
+from rsibr.methods.warp_blend.source_maps import SourceMaps
+from rsibr.methods.warp_blend.warp import MirrorWarp
+from tests.arrays import to_numpy, unit_vectors, vector
+from tests.light.test_environment_pyramid import picture
+from tests.methods.scene import image, inside, mirror_sphere, sky
+
+N = 48
+ALBEDO = (0.1 + 0.5 * node_cosines())[:, None] * np.ones(3)
+METAL = LobeKernel.of(ProxyLobe((0.1,), (np.ones((1, 3)),)))
+
+
+def maps(images, frames):
+    coverage = np.tile(texel_coverage(N).astype(np.float32), (len(frames), 1, 1))
+    return SourceMaps.from_arrays(np.stack(images), coverage, np.stack(frames))
+
+
+def modelled(kind, light):
+    """A method whose maps are a perfect mirror's, and whose model believes in a rough metal under `light`."""
+    views = icosphere(0)
+    frames = [view_frame(d) for d in views.directions]
+    stored = [mirror_sphere(frame, N) for frame in frames]
+    stack = LightStack.of(light)
+    common = ("test", views, maps(stored, frames), triangle_mix(gnomonic_weights), MirrorWarp.between, Cost(0.0, 0))
+    if kind == "fine":
+        model = LobeModel.of(METAL, stack, Light(light))
+        made = FineMethod(*common, albedo=LobeAlbedo.of(ALBEDO), lobes=[(model, LobeAlbedo.of(ALBEDO))])
+    else:
+        made = PrefilteredMethod(
+            *common,
+            albedo=LobeAlbedo.of(ALBEDO),
+            prefilter=lambda resolution: PrefilteredLobes.of([(METAL, ALBEDO)], stack, Light(light), resolution),
+            by_itself=lambda: modelled("fine", light),
+        )
+    made.sources = maps([made.left_over(m, f) for m, f in zip(stored, frames, strict=True)], frames)
+    return made
+
+
+LIGHTS = {
+    "true": lambda: picture(sky, 64),
+    "wrong": lambda: picture(lambda d: 3 * sky(-d), 64),
+    "black": lambda: np.zeros((64, 64, 3), np.float32),
+}
+
+
+@pytest.mark.parametrize("kind", ["fine", "prefiltered"])
+@pytest.mark.parametrize("name", LIGHTS)
+def test_stored_views_come_back_whatever_the_model_is(kind, name):
+    """To the packing of texels (7.6e-6 of the residual's greatest channel), at every texel centre inside the disk."""
+    made = modelled(kind, LIGHTS[name]())
+    for index in (0, 5, 11):
+        frame = view_frame(made.viewpoints.directions[index])
+        error = np.abs(image(made, frame, N) - mirror_sphere(frame, N))[inside(N, 0.99)]
+        assert error.max() < 1e-4  # of radiances up to 3, and residuals as large over an albedo of 0.1 to 0.6
+
+
+@pytest.mark.parametrize("kind", ["fine", "prefiltered"])
+@pytest.mark.parametrize("name", ["true", "wrong"])
+def test_between_views_maps_mend_what_the_model_gets_wrong(kind, name):
+    """Here most of it: a metal of a third of the albedo, and rough, for a mirror."""
+    frame, radius = view_frame([0.3, 0.4, -0.8]), inside(N, 0.9)
+    made = modelled(kind, LIGHTS[name]())
+    with_maps = np.abs(image(made, frame, N) - mirror_sphere(frame, N))[radius].mean()
+    made = modelled(kind, LIGHTS[name]())
+    made.uses_maps = False
+    alone = np.abs(image(made, frame, N) - mirror_sphere(frame, N))[radius].mean()
+    assert with_maps < 0.3 * alone
+
+
+@pytest.mark.parametrize("kind", ["fine", "prefiltered"])
+def test_finite_at_antipodes_rim_and_beside_stored_views(kind, rng):
+    made = modelled(kind, LIGHTS["wrong"]())
+    stored = made.viewpoints.directions[2]
+    views = [
+        -stored,
+        stored + 1e-7 * np.array([0.3, -0.8, 0.5]),
+        stored + 1e-3,
+        *unit_vectors(rng, 2),
+        [0, 1, 0],
+        [0, -1, 0],
+    ]
+    for view in views:
+        found = made.map(view_frame(view), N).numpy()
+        assert np.isfinite(found).all()
+        assert found.min() >= 0
+
+
+# --- The formula ------------------------------------------------------------------------------------------------------
+
+
+def even(values):
+    """Stored maps of one colour each."""
+    frames = [view_frame(d) for d in np.eye(3)[: len(values)]]
+    return maps([np.full((N, N, 3), v, np.float32) for v in values], frames)
+
+
+def fixed(cosine):
+    """A warp that lands where the stored view sees the surface at `cosine`, whatever the normal."""
+    return lambda n: (mi.Point2f(float(np.sqrt(1 - cosine**2)), 0) + 0 * n.x, mi.Float(1))
+
+
+def carry(values, weights, theres, here):
+    sources = even(values)
+    views = [sources.view(mi.UInt32(i)) for i in range(len(values))]
+    mixture = Mixture(views, [mi.Float(w) for w in weights])
+    n = vector([[np.sqrt(1 - here**2), 0, here]])
+    return to_numpy(carried(sources, mixture, [fixed(there) for there in theres], n))[0, 0]
+
+
+def test_views_that_see_the_surface_alike_are_blended_by_weight():
+    assert carry([1.0, 5.0], [0.25, 0.75], [0.6, 0.6], 0.6) == pytest.approx(4.0, rel=2e-4)
+
+
+def test_a_residual_is_trusted_by_its_cosine():
+    """Σ w c² ρ² R / Σ w c²: here c = 0.8 and 0.4 around 0.6, so that ρ = 3/4 and 2/3."""
+    c = np.array([0.8, 0.4])
+    overlap = np.array([0.6 / 0.8, 0.4 / 0.6])
+    exact = (c**2 * overlap**2 * [2.0, 3.0]).sum() / (c**2).sum()
+    assert carry([2.0, 3.0], [0.5, 0.5], c, 0.6) == pytest.approx(exact, rel=5e-4)
+
+
+@pytest.mark.parametrize(("there", "here"), [(0.9, 0.3), (0.3, 0.9)])
+def test_a_residual_counts_as_far_as_footprints_overlap(there, here):
+    """Alone, with no other view to take its place: by the square of the ratio, either way round."""
+    assert carry([2.0], [1.0], [there], here) == pytest.approx(2 / 9, rel=1e-3)
+
+
+def test_at_the_rim_it_is_finite_and_small():
+    assert 0 <= carry([2.0], [1.0], [1.0], 0.0) < 1e-9
+    assert carry([2.0], [1.0], [0.0], 0.0) == pytest.approx(2.0, rel=1e-3)
+
+
+def test_residuals_outshine_a_dark_model_the_less_the_farther_the_stored_views_are():
+    """Of 1 over a model of 0.1: 0.15 is left at a centroid, 0.2 at a weight of a half, and all at a stored view."""
+    residual, dark = mi.Color3f(1, 0.05, -2), mi.Color3f(0.1)
+    expected = {1 / 3: [0.15, 0.05, -2], 0.5: [0.2, 0.05, -2], 1.0: [1, 0.05, -2]}
+    for weight, wanted in expected.items():
+        weights = [mi.Float(weight), mi.Float((1 - weight) / 2), mi.Float((1 - weight) / 2)]
+        got = to_numpy(within_reach(residual, dark, Mixture(views=[], weights=weights)))
+        assert got.ravel() == pytest.approx(wanted, rel=1e-5), weight

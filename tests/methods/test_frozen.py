@@ -1,0 +1,112 @@
+"""Whole maps replayed: the same as traced, traced once a size, and safe from the garbage collector."""
+
+import subprocess
+import sys
+import weakref
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from rsibr.geometry.frame import view_frame
+from tests.arrays import unit_vectors
+from tests.methods.scene import method, mirror_sphere
+from tests.methods.warp_blend.test_lobe_warp import coated, lobed, schlick
+from tests.methods.warp_blend.test_method import METHODS
+
+SIZES = (64, 48)
+EVERY = [*METHODS, "rsibr"]
+
+
+def make(name):
+    if name == "rsibr":
+        return lobed([(coated, 0.2, schlick), (mirror_sphere, 0.0, np.ones_like)])
+    return method(**METHODS[name])
+
+
+def traced(made, frame, resolution):
+    """The map without a recording."""
+    return made.image(mi.Float(frame.T.ravel().tolist()), resolution).numpy()
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_a_replay_equals_a_trace_at_two_sizes(name, rng):
+    """To the last bit, sizes in turn, for views and stored views."""
+    made = make(name)
+    views = [*unit_vectors(rng, 4), made.viewpoints.directions[3], [0, 1, 0]]
+    for frame in map(view_frame, views):
+        for resolution in SIZES:
+            replayed = made.map(frame, resolution).numpy().ravel()
+            assert np.array_equal(replayed, traced(made, frame, resolution))
+    assert made._replayed.recordings == len(SIZES)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_from_the_second_view_on_nothing_is_traced_or_compiled(name, rng):
+    made = make(name)
+    frames = [view_frame(v) for v in unit_vectors(rng, 6)]
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.eval(made.map(frames[0], 64))
+        dr.kernel_history_clear()
+        for frame in frames[1:]:
+            dr.eval(made.map(frame, 64))
+        launched = [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT]
+    assert made._replayed.recordings == 1
+    assert len(launched) >= 2 * len(frames[1:])
+    assert all(k["cache_hit"] and k["recording_mode"] == dr.KernelRecordingMode.Replayed for k in launched)
+
+
+def test_a_map_outlives_the_next_one(rng):
+    """Each map has memory of its own: a replay may not write into what the last one handed out."""
+    made = method()
+    first, second = (view_frame(v) for v in unit_vectors(rng, 2))
+    kept = made.map(first, 64)
+    made.map(second, 64)
+    assert np.array_equal(kept.numpy().ravel(), traced(made, first, 64))
+
+
+def test_a_method_goes_with_its_last_user():
+    """A recording must not hold the maps."""
+    made = method()
+    dr.eval(made.map(view_frame([1, 2, 3]), 64))
+    gone = weakref.ref(made.sources)
+    del made
+    assert gone() is None
+
+
+LITTERED = """
+import gc
+import numpy as np
+import drjit as dr
+import mitsuba as mi
+from rsibr import backend
+from rsibr.methods.frozen import Replayed
+backend.use()
+
+class Litter:
+    def __init__(self):
+        self.me, self.array = self, mi.Float(np.ones(1000, dtype=np.float32))
+
+def doubled(x):
+    y = dr.sin(x)
+    dr.eval(y)
+    [[i] for i in range(5000)]  # sets a collection off
+    return 2 * y
+
+x = dr.arange(mi.Float, 100) + 0
+dr.eval(x)
+replayed = Replayed(doubled)
+for _ in range(50):
+    Litter()
+assert np.allclose(replayed(x).numpy(), 2 * np.sin(np.arange(100)), atol=1e-6)
+assert gc.isenabled()
+print("alive")
+"""
+
+
+def test_garbage_of_numpy_does_not_end_the_process_while_it_records():
+    """Dr.Jit aborts where a NumPy-backed array is freed during a recording; in a process of its own for that reason."""
+    done = subprocess.run([sys.executable, "-c", LITTERED], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "alive"

@@ -1,0 +1,151 @@
+"""The config of a study: what it means, and one line for every mistake; and the plan that follows from it."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import pytest
+
+from rsibr.errors import InputError
+from rsibr.resources import configs
+from rsibr.studies.axes import mesh_of
+from rsibr.studies.config import load_study, parse_study
+from rsibr.studies.plan import BakeSize, Variant, plan_of
+
+BASE: dict[str, Any] = {
+    "environment": {"emitter": {"type": "constant"}},
+    "material": {"preset": "matte-lambert"},
+    "map": {"resolution": 32},
+    "sampling": {"samples": 8},
+}
+
+
+def study(*sweeps: dict[str, Any], **tables: Any):
+    return parse_study({"base": deepcopy(BASE), "sweep": list(sweeps or ({},)), **tables})
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        ({}, "the key 'base' is missing; the key 'sweep' is missing"),
+        ({"base": "nowhere.toml", "sweep": [{}]}, "there is no such config"),
+        ({"base": 3, "sweep": [{}]}, "base = 3 should be a name, in quotes, or a table"),
+        ({"base": BASE, "sweep": []}, "sweep: should hold at least one value"),
+        ({"base": BASE, "sweep": {"samples": [4]}}, "sweep: should be a list, in brackets"),
+        ({"base": BASE, "sweep": [{"sampels": [4]}]}, "sweep[1]: unknown key 'sampels': did you mean 'samples'?"),
+        ({"base": BASE, "sweep": [{}, {"samples": 4}]}, "sweep[2]: samples = 4 should be a list, in brackets"),
+        ({"base": BASE, "sweep": [{"samples": [4, 4]}]}, "samples: holds 4 twice"),
+        ({"base": BASE, "sweep": [{"samples": [1]}]}, "samples.0 = 1 should be greater than or equal to 4"),
+        ({"base": BASE, "sweep": [{"method": ["rsib"]}]}, "is no method: did you mean 'rsibr'?"),
+        ({"base": BASE, "sweep": [{"warp": ["mesh-4x2"]}]}, 'should be "texel" or "mesh-RxS"'),
+        ({"base": BASE, "sweep": [{"precision": ["float64"]}]}, "should be 'float32' or 'float16'"),
+        ({"base": BASE, "sweep": [{}], "judge": {"view": 3}}, "unknown key 'judge.view': did you mean 'judge.views'?"),
+        ({"base": BASE, "sweep": [{}], "judge": {"repeats": 1}}, "greater than or equal to 3"),
+        ({"base": BASE, "sweep": [{}], "path_tracing": {"samples": [4, 8]}}, "at least three values"),
+        ({"base": BASE, "sweep": [{}], "scenes": {"material": [{"prest": "x"}]}}, "did you mean 'material.preset'?"),
+        ({"base": {**BASE, "smapling": {}}, "sweep": [{}]}, "unknown key 'smapling': did you mean 'sampling'?"),
+    ],
+)
+def test_a_mistake_is_one_clear_line(data, says):
+    with pytest.raises(InputError) as refused:
+        parse_study(data)
+    assert says in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_scenes_are_every_material_under_every_environment():
+    scenes = {
+        "material": ["solid-red", {"bsdf": {"type": "diffuse"}}],
+        "environment": ["sky.exr", {"emitter": {"type": "constant"}, "rotation_deg": 90.0}],
+    }
+    found = study(scenes=scenes).scenes
+    assert [(c.material.preset, c.environment.file and c.environment.file.name) for c in found] == [
+        ("solid-red", "sky.exr"),
+        (None, "sky.exr"),
+        ("solid-red", None),
+        (None, None),
+    ]
+    assert all(config.map.resolution == 32 for config in found)
+
+
+def test_without_scenes_the_base_is_the_scene():
+    (config,) = study().scenes
+    assert config.material.preset == "matte-lambert"
+
+
+def test_paths_are_relative_to_the_file_they_stand_in(tmp_path):
+    (tmp_path / "base").mkdir()
+    base = '[environment]\nfile = "sky.exr"\n[material]\npreset = "solid-red"\n'
+    (tmp_path / "base" / "b.toml").write_text(base)
+    (tmp_path / "s.toml").write_text('base = "base/b.toml"\n[[sweep]]\nsamples = [4]\n')
+    assert load_study(tmp_path / "s.toml").scenes[0].environment.file == tmp_path / "base" / "sky.exr"
+    text = 'base = "base/b.toml"\n[scenes]\nenvironment = ["sky.exr"]\n[[sweep]]\nsamples = [4]\n'
+    (tmp_path / "s.toml").write_text(text)
+    assert load_study(tmp_path / "s.toml").scenes[0].environment.file == tmp_path / "sky.exr"
+
+
+def test_the_small_study_that_ships_is_whole():
+    settings = load_study(configs() / "study_small.toml")
+    assert len(settings.scenes) == 4
+    assert all(config.environment.file.is_file() for config in settings.scenes)
+    assert {size.subdivision for size in plan_of(settings)} == {0, 1}
+
+
+def test_a_plan_holds_every_bake_and_every_picture_once():
+    plan = plan_of(study({"samples": [4, 16]}, {"samples": [16], "method": ["rsibr", "blend"], "subdivision": [0, 1]}))
+    own = [Variant("cabral1999", "texel", "area", "float32"), Variant("rsibr", "texel", "gnomonic", "float32")]
+    blend = Variant("blend", "texel", "area", "float32")
+    assert plan == {
+        BakeSize(4, 32, 0): own,
+        BakeSize(16, 32, 0): [*own, blend],
+        BakeSize(16, 32, 1): [own[1], blend],
+    }
+
+
+def test_what_means_nothing_is_left_out_of_a_plan():
+    (variants,) = plan_of(
+        study({"method": ["nearest", "cabral1999", "rsibr"], "warp": ["texel", "mesh-4x12"], "weights": ["gnomonic"]})
+    ).values()
+    assert [str(variant) for variant in variants] == [
+        "cabral1999, gnomonic weights",
+        "cabral1999, mesh-4x12, gnomonic weights",
+        "rsibr",
+    ]
+
+
+def test_the_mesh_method_is_the_papers_method_through_its_mesh():
+    (variants,) = plan_of(
+        study({"method": ["cabral1999-mesh", "cabral1999"], "warp": ["texel", "mesh-16x48"]})
+    ).values()
+    assert [str(variant) for variant in variants] == ["cabral1999, mesh-16x48", "cabral1999"]
+
+
+@pytest.mark.parametrize(
+    ("sweep", "base", "says"),
+    [
+        ({"method": ["nearest"], "warp": ["mesh-4x12"]}, {}, "asks for no picture"),
+        ({"subdivision": [1]}, {"views": {"file": "views.json"}}, "views of its own"),
+        ({"method": ["rsibr"]}, {"effects": {"lobes": "off"}}, "needs effects.lobes"),
+    ],
+)
+def test_a_plan_that_cannot_be_is_refused(sweep, base, says):
+    with pytest.raises(InputError, match=says):
+        plan_of(parse_study({"base": {**BASE, **base}, "sweep": [sweep]}))
+
+
+def test_views_of_ones_own_have_no_subdivision():
+    plan = plan_of(parse_study({"base": {**BASE, "views": {"file": "views.json"}}, "sweep": [{}]}))
+    assert list(plan) == [BakeSize(8, 32, None)]
+
+
+def test_a_bakes_config_is_the_scenes_but_for_its_size():
+    (scene,) = study().scenes
+    config = BakeSize(64, 16, 2).config(scene)
+    assert (config.sampling.samples, config.map.resolution, config.views.subdivision) == (64, 16, 2)
+    assert (config.material, config.environment, config.sampling.seed) == (scene.material, scene.environment, 0)
+
+
+def test_names_of_meshes():
+    assert (mesh_of("mesh-8x24").rings, mesh_of("mesh-8x24").sectors) == (8, 24)
+    assert [mesh_of(name) for name in ("texel", "mesh-0x24", "mesh-8x2", "mesh-8", "mesh-08x24")] == [None] * 5
