@@ -58,7 +58,6 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'rsibr' has no attribute '{name}'")
     value = getattr(importlib.import_module(_HOME[name]), name)
-    # A room of that name (`rsibr.bake`) is bound by its import, and can be called like its function: `callable_room`
     return globals().setdefault(name, value)
 
 

@@ -300,7 +300,7 @@ class Inputs:
 def stop_short_of_rendering() -> None:
     """Let a command line that is right end where the rendering would begin: that is the tests' business."""
     from rsibr.baking import baker  # noqa: PLC0415
-    from rsibr.validation import validation
+    from rsibr.validation import validation  # noqa: PLC0415
 
     def refuse(*_: object, **__: object) -> None:
         raise InputError("as far as the fuzzing goes", where="fuzz")

@@ -5,12 +5,12 @@ import numpy as np
 
 
 def vector(rows):
-    """Rows (n, 3) as a mi.Vector3f of n lanes."""
+    """QuadratureTable (n, 3) as a mi.Vector3f of n lanes."""
     return mi.Vector3f(np.ascontiguousarray(np.asarray(rows, dtype=np.float32).T))
 
 
 def point(rows):
-    """Rows (n, 2) as a mi.Point2f of n lanes."""
+    """QuadratureTable (n, 2) as a mi.Point2f of n lanes."""
     return mi.Point2f(np.ascontiguousarray(np.asarray(rows, dtype=np.float32).T))
 
 

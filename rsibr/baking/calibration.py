@@ -11,8 +11,8 @@ import numpy as np
 from rsibr import backend
 from rsibr.backend import Rendering
 from rsibr.baking.blocks import Blocks, block_sizes
-from rsibr.baking.integrator import Scope, SphereIntegrator
-from rsibr.baking.planning import scope_of
+from rsibr.baking.integrator import EstimateOptions, SphereIntegrator
+from rsibr.baking.planning import estimate_options
 from rsibr.geometry.frame import view_frame
 from rsibr.lobes.split import LobeSplit
 from rsibr.planning.costs import Costs
@@ -56,22 +56,24 @@ def calibrate(
     Costs
     """
 
-    def built(scope: Scope, lobes: LobeSplit | None, rendering: Rendering = plan.rendering) -> SphereIntegrator:
+    def built(
+        options: EstimateOptions, lobes: LobeSplit | None, rendering: Rendering = plan.rendering
+    ) -> SphereIntegrator:
         with backend.rendering(rendering):
             scene = environment.emitter(), material.bsdf()
-            return SphereIntegrator(*scene, config.map.resolution, lobes, config.sampling.clamp, scope)
+            return SphereIntegrator(*scene, config.map.resolution, lobes, config.sampling.clamp, options)
 
-    scope = scope_of(plan)
-    planned = built(scope, split)
+    options = estimate_options(plan)
+    planned = built(options, split)
     kernels = {
         "seconds": planned,
-        "other_colour": built(replace(scope, grey=not scope.grey), split),
-        "other_sampling": built(replace(scope, light_samples=not scope.light_samples), split),
+        "other_colour": built(replace(options, grey=not options.grey), split),
+        "other_sampling": built(replace(options, light_samples=not options.light_samples), split),
     }
     if len(planned.lobe_names) > 1:
-        kernels["one_lobe"] = built(replace(scope, left_out=()), None)
+        kernels["one_lobe"] = built(replace(options, left_out=()), None)
     if (other := _other_rendering(plan)) is not None:
-        kernels["other_rendering"] = built(scope, split, other)
+        kernels["other_rendering"] = built(options, split, other)
     return Costs(
         views=views,
         lobes=len(planned.lobe_names),

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.baking.lattice import MAX_POINTS, ShiftedLattice
 from rsibr.geometry.projections.sphere_map import normal_from_disk, stored_coverage
-from rsibr.geometry.to_device import resident
+from rsibr.geometry.to_device import to_device
 from rsibr.lobes.split import LobeSplit
 from rsibr.scene.wavelengths import Wavelengths
 
@@ -31,7 +31,7 @@ MAX_LANES = 2**22
 
 
 @dataclass(frozen=True)
-class Scope:
+class EstimateOptions:
     """What an estimate takes in; by default everything.
 
     Attributes
@@ -81,7 +81,7 @@ class SphereIntegrator:
         How the material's lobes are kept apart; by default they are not.
     clamp : float, optional
         Radiance [W sr⁻¹ m⁻²] above which a sample counts as this much: quieter, and too dark. A NaN stays one.
-    scope : Scope
+    options : EstimateOptions
         What the estimate takes in.
 
     Attributes
@@ -103,18 +103,18 @@ class SphereIntegrator:
         resolution: int,
         split: LobeSplit | None = None,
         clamp: float | None = None,
-        scope: Scope = Scope(),
+        options: EstimateOptions = EstimateOptions(),
     ) -> None:
         self._light = mi.load_dict({"type": "scene", "light": emitter})
         self._bsdf = bsdf
         self.rendering = backend.current_rendering()
         self._split = split.of_variant(bsdf) if split and len(split.names) > 1 else None
         names = self._split.names if self._split else ["radiance"]
-        self._kept = [k for k, name in enumerate(names) if name not in scope.left_out]
+        self._kept = [k for k, name in enumerate(names) if name not in options.left_out]
         self.lobe_names = [names[k] for k in self._kept] if len(self._kept) > 1 else ["radiance"]
-        self.grey = scope.grey
-        self._channels = range(1 if scope.grey else 3)
-        self._samples_light = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) and scope.light_samples
+        self.grey = options.grey
+        self._channels = range(1 if options.grey else 3)
+        self._samples_light = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) and options.light_samples
         self._samples_bsdf = self._light.environment() is not None
         self._clamp = None if clamp is None else dr.opaque(mi.Float, clamp)
         self._lay_out(resolution)
@@ -124,7 +124,7 @@ class SphereIntegrator:
         self._resolution = resolution
         self._side = dr.opaque(mi.UInt32, resolution)  # maps of another size need no other kernel
         self._covered = np.flatnonzero(self.coverage).astype(np.uint32)
-        self._texels = resident(mi.UInt32, self._covered)
+        self._texels = to_device(mi.UInt32, self._covered)
 
     def at_resolution(self, resolution: int) -> SphereIntegrator:
         """Return the same estimator for maps of another size: neither the scene nor a kernel is made anew."""
@@ -184,7 +184,7 @@ class SphereIntegrator:
         """
         matrix = mi.Matrix3f(frame.astype(np.float32))
         dr.make_opaque(matrix)
-        return self._launch(matrix, resident(mi.UInt32, self._covered[texels]), samples, seed)
+        return self._launch(matrix, to_device(mi.UInt32, self._covered[texels]), samples, seed)
 
     def image(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Lay values of the covered texels out as an image, zero elsewhere."""

@@ -8,7 +8,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.baking.integrator import Scope, SphereIntegrator
+from rsibr.baking.integrator import EstimateOptions, SphereIntegrator
 from rsibr.geometry.frame import view_frame
 
 RESOLUTION = 24
@@ -40,12 +40,14 @@ def sampling_ratio(emitter: dict[str, Any], bsdf: mi.BSDF, samples: int) -> floa
         resumed decides alike. Standard error about 5 %.
     """
     count = min(samples, MAX_SAMPLES)
-    alone, both = (_relative_variance(emitter, bsdf, count, Scope(light_samples=light)) for light in (False, True))
+    alone, both = (
+        _relative_variance(emitter, bsdf, count, EstimateOptions(light_samples=light)) for light in (False, True)
+    )
     return alone / max(both, 1e-30)
 
 
-def _relative_variance(emitter: dict[str, Any], bsdf: mi.BSDF, samples: int, scope: Scope) -> float:
-    integrator = SphereIntegrator(emitter, bsdf, RESOLUTION, scope=scope)
+def _relative_variance(emitter: dict[str, Any], bsdf: mi.BSDF, samples: int, options: EstimateOptions) -> float:
+    integrator = SphereIntegrator(emitter, bsdf, RESOLUTION, options=options)
     frame = view_frame(np.array(_VIEW))
     seeds = (np.random.SeedSequence(_SEED, spawn_key=(k,)) for k in range(BLOCKS))
     blocks: NDArray[np.float64] = np.array([integrator.block(frame, samples, seed)[:, 0] for seed in seeds], np.float64)

@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from rsibr import backend
-from rsibr.baking.integrator import Scope, SphereIntegrator
+from rsibr.baking.integrator import EstimateOptions, SphereIntegrator
 from rsibr.baking.pilot import sampling_ratio
 from rsibr.geometry.viewpoints import Viewpoints, witness
 from rsibr.lobes.albedo import over_disk
@@ -51,9 +51,9 @@ def planned_viewpoints(viewpoints: Viewpoints, settings: Config, plan: Plan) -> 
     return viewpoints if plan.needs_views or settings.effects.lobes == "off" else witness(viewpoints)
 
 
-def scope_of(plan: Plan) -> Scope:
+def estimate_options(plan: Plan) -> EstimateOptions:
     """What the integrator takes in."""
-    return Scope(plan.grey, plan.light_samples, plan.left_out)
+    return EstimateOptions(plan.grey, plan.light_samples, plan.left_out)
 
 
 def planned_integrator(
@@ -62,7 +62,7 @@ def planned_integrator(
     """Build what renders the planned maps, in the plan's variant; without a `split` lobes are not kept apart."""
     with backend.rendering(plan.rendering):
         return SphereIntegrator(
-            environment.emitter(), material.bsdf(), resolution, split, settings.sampling.clamp, scope_of(plan)
+            environment.emitter(), material.bsdf(), resolution, split, settings.sampling.clamp, estimate_options(plan)
         )
 
 

@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.to_device import resident
+from rsibr.geometry.to_device import to_device
 
 _INNER = np.uint32(0xFFFFFFFF)
 _SLACK = 1e-6  # a cap's radius is rounded to float32; the smallest triangles, at subdivision 5, are 3e-2 wide
@@ -62,10 +62,10 @@ class CapTree:
 
         add(np.arange(len(corners)))
         return cls(
-            cap=resident(mi.Float, np.asarray(caps, dtype=np.float32)),
-            skip=resident(mi.UInt32, np.asarray(skips, dtype=np.uint32)),
-            triangle=resident(mi.UInt32, np.asarray(triangles, dtype=np.uint32)),
-            corners=resident(mi.Float, corners.astype(np.float32)),
+            cap=to_device(mi.Float, np.asarray(caps, dtype=np.float32)),
+            skip=to_device(mi.UInt32, np.asarray(skips, dtype=np.uint32)),
+            triangle=to_device(mi.UInt32, np.asarray(triangles, dtype=np.uint32)),
+            corners=to_device(mi.Float, corners.astype(np.float32)),
             size=dr.opaque(mi.UInt32, len(caps)),
         )
 

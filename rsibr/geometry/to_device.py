@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def resident(dtype: Any, array: NDArray[Any]) -> Any:
+def to_device(dtype: Any, array: NDArray[Any]) -> Any:
     """Copy a NumPy array to the device.
 
     Parameters

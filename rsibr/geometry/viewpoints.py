@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsibr.errors import InputError
 from rsibr.geometry.cap_tree import CapTree
-from rsibr.geometry.to_device import resident
+from rsibr.geometry.to_device import to_device
 
 VIEW_COUNTS = (12, 42, 162, 642, 2562, 10242)
 """Views of a subdivided icosahedron. They are nested: each count's directions are the first of the next one's."""
@@ -46,8 +46,8 @@ class Viewpoints:
     def on_device(self) -> ViewSphere:
         """The same on the device, to be looked up in kernels."""
         return ViewSphere(
-            directions=resident(mi.Float, self.directions.astype(np.float32)),
-            triangles=resident(mi.UInt32, self.triangles.astype(np.uint32)),
+            directions=to_device(mi.Float, self.directions.astype(np.float32)),
+            triangles=to_device(mi.UInt32, self.triangles.astype(np.uint32)),
             tree=CapTree.build(self.directions[self.triangles]),
             count=dr.opaque(mi.UInt32, len(self)),
         )

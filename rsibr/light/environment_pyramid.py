@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rsibr.geometry.frame import frame_of
 from rsibr.geometry.projections.octahedral import bordered, square_from_direction, texel_directions, texel_solid_angles
-from rsibr.geometry.to_device import resident
+from rsibr.geometry.to_device import to_device
 from rsibr.light.shared_exponent import bilinear, packed
 
 WIDEST = 1.3
@@ -29,7 +29,7 @@ _REACH, _TAPS = 2.8, 9  # of a blur: standard deviations, and taps a side
 
 
 @dataclass(eq=False)
-class LightStack:
+class EnvironmentPyramid:
     """Radiance of the light at rising widths of blur, √2 apart but for the first two.
 
     Attributes
@@ -54,7 +54,7 @@ class LightStack:
     last: mi.Float
 
     @classmethod
-    def of(cls, light: NDArray[np.float32]) -> LightStack:
+    def of(cls, light: NDArray[np.float32]) -> EnvironmentPyramid:
         """Blur a light.
 
         Parameters
@@ -74,7 +74,7 @@ class LightStack:
         return cls._stacked(levels, widths)
 
     @classmethod
-    def irradiance(cls, light: NDArray[np.float32], weights: NDArray[np.float64]) -> LightStack:
+    def irradiance(cls, light: NDArray[np.float32], weights: NDArray[np.float64]) -> EnvironmentPyramid:
         """Gather a light over cosine lobes, bare and coated: one level, to be looked up by the normal.
 
         Parameters
@@ -82,7 +82,7 @@ class LightStack:
         light : ndarray, shape (R, R, 3)
             Octahedral picture of the radiance.
         weights : ndarray, shape (2, 3)
-            Of each lobe in each channel; see `rsibr.lobes.gaussians.LobeKernel.matte`.
+            Of each lobe in each channel; see `rsibr.lobes.gaussians.LobeShape.matte`.
         """
         weights = np.where(weights.any(axis=0), weights, 1.0)  # a black channel needs some shape too
         radiance, angles, directions = _blocks(light)
@@ -96,14 +96,14 @@ class LightStack:
         return cls._stacked([level.astype(np.float32).reshape(_IRRADIANCE, _IRRADIANCE, 3)], [1.0])
 
     @classmethod
-    def _stacked(cls, levels: list[NDArray[np.float32]], widths: list[float]) -> LightStack:
+    def _stacked(cls, levels: list[NDArray[np.float32]], widths: list[float]) -> EnvironmentPyramid:
         images = [packed(bordered(level)).reshape(-1, 2) for level in levels]
         starts = np.cumsum([0, *map(len, images[:-1])])
         return cls(
-            texels=resident(mi.Float, np.concatenate(images).view(np.float32)),
-            starts=resident(mi.UInt32, starts.astype(np.uint32)),
-            resolutions=resident(mi.UInt32, np.array([len(level) for level in levels], dtype=np.uint32)),
-            variances=resident(mi.Float, np.square(widths).astype(np.float32)),
+            texels=to_device(mi.Float, np.concatenate(images).view(np.float32)),
+            starts=to_device(mi.UInt32, starts.astype(np.uint32)),
+            resolutions=to_device(mi.UInt32, np.array([len(level) for level in levels], dtype=np.uint32)),
+            variances=to_device(mi.Float, np.square(widths).astype(np.float32)),
             finest=dr.opaque(mi.Float, widths[min(1, len(widths) - 1)]),
             last=dr.opaque(mi.Float, len(levels) - 1),
         )
@@ -128,7 +128,7 @@ class LightStack:
         share = dr.clip((width * width - v0) / (v1 - v0), 0, 1)
         return dr.lerp(self.fetch(d, lower), self.fetch(d, lower + 1), share)
 
-    def roughly_blurred(self, d: mi.Vector3f, width: mi.Float) -> mi.Color3f:
+    def nearest_blurred(self, d: mi.Vector3f, width: mi.Float) -> mi.Color3f:
         """Radiance from the one level that comes nearest to `width`: half the lookups of `blurred`."""
         return self.fetch(d, mi.UInt32(dr.clip(self._level(width) + 0.5, 0, self.last)))
 
@@ -172,14 +172,14 @@ def _spacing(resolution: int) -> float:
     return math.sqrt(4 * math.pi) / resolution
 
 
-def _blurred(source: LightStack, width: float, resolution: int) -> NDArray[np.float32]:
+def _blurred(source: EnvironmentPyramid, width: float, resolution: int) -> NDArray[np.float32]:
     """Blur the one level of `source` by a Gaussian of standard deviation `width` [rad]."""
     x, y = (grid.ravel() for grid in np.meshgrid(*[np.linspace(-_REACH, _REACH, _TAPS)] * 2))
     near = np.hypot(x, y) <= _REACH
     x, y, weight = x[near], y[near], np.exp(-0.5 * (x**2 + y**2))[near]
     width *= math.sqrt(weight.sum() / (weight @ x**2))  # what is cut off at the reach would leave the variance short
     taps = np.stack([x * width, y * width, weight / weight.sum(), 0 * weight], axis=1)
-    packed, count = resident(mi.Float, taps.astype(np.float32)), dr.opaque(mi.UInt32, len(taps))
+    packed, count = to_device(mi.Float, taps.astype(np.float32)), dr.opaque(mi.UInt32, len(taps))
     d = texel_directions(resolution)
     frame = frame_of(d)
 

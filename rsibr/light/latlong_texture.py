@@ -9,12 +9,12 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.to_device import resident
+from rsibr.geometry.to_device import to_device
 from rsibr.light.shared_exponent import bilinear, packed
 
 
 @dataclass(eq=False)
-class LatLongImage:
+class LatLongTexture:
     """Texels, and where they lie.
 
     Attributes
@@ -34,13 +34,13 @@ class LatLongImage:
     to_image: mi.Matrix3f
 
     @classmethod
-    def of(cls, image: NDArray[np.float32], frame: NDArray[np.float64]) -> LatLongImage:
+    def of(cls, image: NDArray[np.float32], frame: NDArray[np.float64]) -> LatLongTexture:
         """Put an image on the device; see `rsibr.light.radiance.Light` for both."""
         bordered = np.pad(np.pad(image, ((0, 0), (0, 1), (0, 0)), mode="wrap"), ((0, 1), (0, 0), (0, 0)), mode="edge")
         to_image = mi.Matrix3f(frame.T.astype(np.float32))
         dr.make_opaque(to_image)
         height, width = (dr.opaque(mi.UInt32, size) for size in image.shape[:2])
-        return cls(resident(mi.Float, packed(bordered).view(np.float32)), height, width, to_image)
+        return cls(to_device(mi.Float, packed(bordered).view(np.float32)), height, width, to_image)
 
     def fetch(self, d: mi.Vector3f) -> mi.Color3f:
         """Radiance [W sr⁻¹ m⁻²] from unit directions in world coordinates, bilinear."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.backend import Rendering
-from rsibr.geometry.to_device import resident
+from rsibr.geometry.to_device import to_device
 from rsibr.lobes.albedo import albedo_tables, delta_reflectance, low_discrepancy, over_disk
 from rsibr.lobes.bsdf_eval import interaction
 from rsibr.lobes.split import Lobe, LobeSplit
@@ -121,7 +121,7 @@ class _InSpectra:
 
     def _summed(self, seen: Callable[[_Observed], list[mi.Color3f]], count: int) -> list[mi.Color3f]:
         """Sum over all wavelengths of what is seen of four of them."""
-        table = [resident(mi.Float, row.astype(np.float32)) for row in self.response]
+        table = [to_device(mi.Float, row.astype(np.float32)) for row in self.response]
 
         def body(place: mi.UInt32, total: list[mi.Color3f]) -> tuple[mi.UInt32, list[mi.Color3f]]:
             fours = [
@@ -152,7 +152,7 @@ def _response(emitter: dict[str, Any]) -> Array:
 
     A linear interpolation between them, times light and observer, summed: each row adds up to one.
     """
-    observer = np.array(mi.xyz_to_srgb(mi.cie1931_xyz(resident(mi.Float, _FINE.astype(np.float32)))), dtype=np.float64)
+    observer = np.array(mi.xyz_to_srgb(mi.cie1931_xyz(to_device(mi.Float, _FINE.astype(np.float32)))), dtype=np.float64)
     hats = np.stack([np.interp(_FINE, _COARSE, row) for row in np.eye(len(_COARSE))], axis=1)
     rows = (observer * _mean_spectrum(emitter)) @ hats
     luminance = _LUMINANCE @ rows
@@ -166,7 +166,7 @@ def _mean_spectrum(emitter: dict[str, Any]) -> Array:
     scene = mi.load_dict({"type": "scene", "light": emitter})
     sets = len(_FINE) // 4
     lanes = dr.arange(mi.UInt32, sets * _DIRECTIONS)
-    nm = resident(mi.Float, _FINE.astype(np.float32))
+    nm = to_device(mi.Float, _FINE.astype(np.float32))
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(lanes))
     si.wavelengths = mi.UnpolarizedSpectrum([dr.gather(mi.Float, nm, lanes // _DIRECTIONS * 4 + k) for k in range(4)])
     u = dr.gather(mi.Point2f, low_discrepancy(_DIRECTIONS), lanes % _DIRECTIONS)

@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.to_device import resident
+from rsibr.geometry.to_device import to_device
 from rsibr.lobes.bsdf_eval import interaction
 from rsibr.lobes.low_discrepancy import sobol
 
@@ -56,7 +56,7 @@ def albedo_tables(material: Lobed, points: int = POINTS) -> list[NDArray[np.floa
     width of lobe is resolved and what error is left varies smoothly with the angle.
     """
     lanes = dr.arange(mi.UInt32, NODES * points)
-    cosine = dr.gather(mi.Float, resident(mi.Float, node_cosines().astype(np.float32)), lanes // points)
+    cosine = dr.gather(mi.Float, to_device(mi.Float, node_cosines().astype(np.float32)), lanes // points)
     wo = mi.Vector3f(dr.sqrt(1 - cosine * cosine), 0, cosine)
     u = dr.gather(mi.Point2f, low_discrepancy(points), lanes % points)
     total = _albedos(material, wo, mi.warp.square_to_cosine_hemisphere(u), points)
@@ -76,7 +76,7 @@ def _albedos(material: Lobed, wo: mi.Vector3f, wi: mi.Vector3f, points: int) -> 
 
 def low_discrepancy(points: int) -> mi.Float:
     """The same points of the unit square at every angle: what error they leave varies smoothly with it."""
-    return resident(mi.Float, sobol(2, points, seed=11).astype(np.float32))
+    return to_device(mi.Float, sobol(2, points, seed=11).astype(np.float32))
 
 
 def mirror_albedo(bsdf: mi.BSDF) -> NDArray[np.float64]:

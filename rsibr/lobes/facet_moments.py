@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.lobes.basis import COAT_IOR
-from rsibr.lobes.gaussians import Gaussians, LobeKernel
+from rsibr.lobes.gaussians import Gaussians, LobeShape
 
 NODES = 33
 """Angles, even in √cos θ."""
@@ -54,7 +54,7 @@ def cosines() -> Array:
     return np.maximum(np.linspace(0, 1, NODES) ** 2, _LEAST_COSINE)
 
 
-def facet_moments(kernel: LobeKernel) -> list[FacetMoments]:
+def facet_moments(kernel: LobeShape) -> list[FacetMoments]:
     """Moments of each Gaussian of a glossy lobe's kernel.
 
     Notes

@@ -45,7 +45,7 @@ class Gaussians:
 
 
 @dataclass(frozen=True, eq=False)
-class LobeKernel:
+class LobeShape:
     """How a lobe gathers its light.
 
     Attributes
@@ -76,7 +76,7 @@ class LobeKernel:
         return not self.is_matte and not self.bare.sigmas.any() and not len(self.coated.sigmas)
 
     @classmethod
-    def of(cls, proxy: ProxyLobe) -> LobeKernel:
+    def of(cls, proxy: ProxyLobe) -> LobeShape:
         """Make the kernel of a fitted lobe. A matte lobe's glossy companions, far wider than most, count as matte."""
         if proxy.is_matte:
             at = proxy.alphas.index(LAMBERT)
@@ -87,7 +87,7 @@ class LobeKernel:
         return cls(proxy.alpha, _mixture(alphas, plain, grazing), _mixture(alphas, coated), np.zeros((2, 3)))
 
     @classmethod
-    def mirror(cls) -> LobeKernel:
+    def mirror(cls) -> LobeShape:
         """Make the kernel of a delta lobe: facets without any slope."""
         one = np.ones((1, 3))
         return cls(0.0, Gaussians(np.zeros(1), one, 0 * one), _NOTHING, np.zeros((2, 3)))

@@ -16,7 +16,7 @@ RECORDINGS = 8
 _ONE_AT_A_TIME = threading.Lock()
 
 
-class Replayed:
+class Frozen:
     """A function of Dr.Jit arrays that is traced once and replayed from then on (`dr.freeze`).
 
     Arrays among its arguments may change their values, not their sizes; any other argument that changes makes another

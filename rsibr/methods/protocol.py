@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rsibr.geometry.frame import frame_of, from_columns
 from rsibr.geometry.projections.sphere_map import normal_from_disk, texel_centre, tiled_texels, within_disk
 from rsibr.geometry.viewpoints import Viewpoints, ViewSphere
-from rsibr.methods.frozen import Replayed
+from rsibr.methods.frozen import Frozen
 from rsibr.methods.warp_blend.blend import Mix, Mixture
 from rsibr.methods.warp_blend.disk_mesh import DiskMesh, MeshWarp
 from rsibr.methods.warp_blend.source_maps import SourceMaps
@@ -63,11 +63,11 @@ class Method:
     warp: WarpBetween
     cost: Cost
     _sphere: ViewSphere = field(init=False, repr=False)
-    _replayed: Replayed = field(init=False, repr=False)
+    _replayed: Frozen = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._sphere = self.viewpoints.on_device
-        self._replayed = Replayed(_image)
+        self._replayed = Frozen(_image)
 
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` off surfaces with normal `n`.
@@ -106,7 +106,7 @@ class Method:
         Notes
         -----
         The view's sources, weights and warps are found once, in a kernel of one lane. Nothing is traced from one view
-        to the next, and nothing compiled: the kernels of the first are launched again, see `Replayed`.
+        to the next, and nothing compiled: the kernels of the first are launched again, see `Frozen`.
         """
         self._prepare(resolution)
         columns = mi.Float(frame.T.ravel().tolist())
@@ -181,7 +181,7 @@ class MeshMethod(Method):
 
 
 def _image(method: Method, columns: mi.Float, resolution: int) -> mi.Float:
-    # A function of its own: what `Replayed` keeps is the recording alone, and the method goes with its last user
+    # A function of its own: what `Frozen` keeps is the recording alone, and the method goes with its last user
     return method.image(columns, resolution)
 
 

@@ -14,17 +14,17 @@ from rsibr import backend
 from rsibr.errors import BakeError, InputError
 from rsibr.geometry.spherical import area_weights, gnomonic_weights
 from rsibr.geometry.viewpoints import Viewpoints, first_views, from_directions, icosphere
-from rsibr.light.environment_pyramid import LightStack
+from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.lobes.fit import ProxyLobe
-from rsibr.lobes.gaussians import LobeKernel
+from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.protocol import Cost, MeshMethod, Method
 from rsibr.methods.rsibr.delta_lobe import EXACT, ROUGH
 from rsibr.methods.rsibr.lobe_albedo import LobeAlbedo
-from rsibr.methods.rsibr.lobe_integral import LobeModel
-from rsibr.methods.rsibr.residual_method import FineMethod, ModelledMethod, PrefilteredMethod
+from rsibr.methods.rsibr.lobe_integral import LobeIntegral
+from rsibr.methods.rsibr.residual_method import FineMethod, PrefilteredMethod, ResidualMethod
 from rsibr.methods.rsibr.rsibr import PrefilteredLobes
 from rsibr.methods.warp_blend.blend import Mix, nearest_mix, triangle_mix
-from rsibr.methods.warp_blend.lobe_warp import Corrections, LobedMethod, LobeGroup, LobeMaps, LobeWarps
+from rsibr.methods.warp_blend.lobe_warp import Corrections, LobeGroup, LobeMaps, LobeWarpMethod, LobeWarps
 from rsibr.methods.warp_blend.source_maps import SourceMaps
 from rsibr.methods.warp_blend.warp import WARPS, MirrorWarp, NoWarp, WarpBetween
 from rsibr.store.bake import Bake
@@ -32,7 +32,7 @@ from rsibr.store.layers import layer_of
 from rsibr.store.manifest import LobeRecord
 from rsibr.store.map_file import MapFile
 
-_Modelled = TypeVar("_Modelled", bound=ModelledMethod)
+_Modelled = TypeVar("_Modelled", bound=ResidualMethod)
 
 _Recipe = Callable[[WarpBetween], tuple[type[Method], Mix, WarpBetween]]
 
@@ -87,7 +87,7 @@ class MethodSet:
             self._made[name] = self._make(checked_name(name))
         return self._made[name]
 
-    def lobed(self, corrections: Corrections) -> LobedMethod:
+    def lobed(self, corrections: Corrections) -> LobeWarpMethod:
         """Make the method that warps the lobes apart and knows nothing of the light, with what it does beyond warping.
 
         Each lobe is interpolated between the views that have a layer of it, which for some lobes may be fewer than all.
@@ -103,7 +103,7 @@ class MethodSet:
             lobe = LobeMaps.of(self._on_device(images), record.alpha, np.array(record.albedo))
             groups.setdefault(len(images), []).append(lobe)
         mix = triangle_mix(gnomonic_weights)
-        return LobedMethod(
+        return LobeWarpMethod(
             "rsibr-lobes",
             self._viewpoints,
             self._sources,
@@ -119,7 +119,7 @@ class MethodSet:
         kernels = self._kernels()
         chosen = kernels.values() if lobe is None else [kernels[lobe]]
         stack, light, density = self._stack, self._bake.light, self._mirror_density(uses_maps)
-        lobes = [(LobeModel.of(kernel, stack, light, density), LobeAlbedo.of(albedo)) for kernel, albedo in chosen]
+        lobes = [(LobeIntegral.of(kernel, stack, light, density), LobeAlbedo.of(albedo)) for kernel, albedo in chosen]
         return self._with_residuals(FineMethod, "rsibr-fine", lobe, uses_maps, lobes=lobes)
 
     def prefiltered(self, *, uses_maps: bool | None = None, lobe: str | None = None) -> PrefilteredMethod:
@@ -184,9 +184,9 @@ class MethodSet:
     def _mirror_density(self, uses_maps: bool | None) -> float:
         return ROUGH if self._carries(uses_maps) else EXACT
 
-    def _kernels(self) -> dict[str, tuple[LobeKernel, NDArray[np.float64]]]:
+    def _kernels(self) -> dict[str, tuple[LobeShape, NDArray[np.float64]]]:
         """Kernel and directional albedo of each lobe."""
-        return {record.name: (lobe_kernel(record), np.array(record.albedo)) for record in self._kept_apart()}
+        return {record.name: (lobe_shape(record), np.array(record.albedo)) for record in self._kept_apart()}
 
     def _seen(self, lobe: str | None) -> list[MapFile]:
         """Maps that have a layer of a lobe, the first so many; all for the sum of the lobes."""
@@ -199,8 +199,8 @@ class MethodSet:
         return first_views(self._viewpoints, count) if self._bake.has_views else self._viewpoints
 
     @cached_property
-    def _stack(self) -> LightStack:
-        return LightStack.of(self._bake.light.picture)
+    def _stack(self) -> EnvironmentPyramid:
+        return EnvironmentPyramid.of(self._bake.light.picture)
 
     def _kept_apart(self) -> tuple[LobeRecord, ...]:
         if not self._lobes:
@@ -248,9 +248,9 @@ def checked_name(name: str) -> str:
     raise InputError(f"unknown method '{name}'", where="--method", fix=f"{meant}there are: {', '.join(METHODS)}")
 
 
-def lobe_kernel(record: LobeRecord) -> LobeKernel:
+def lobe_shape(record: LobeRecord) -> LobeShape:
     """Kernel of a stored lobe, from the proxies that stand in for it; one without any is a mirror."""
     if not record.proxies:
-        return LobeKernel.mirror()
+        return LobeShape.mirror()
     alphas = tuple(proxy.alpha for proxy in record.proxies)
-    return LobeKernel.of(ProxyLobe(alphas, tuple(np.array(proxy.coefficients) for proxy in record.proxies)))
+    return LobeShape.of(ProxyLobe(alphas, tuple(np.array(proxy.coefficients) for proxy in record.proxies)))

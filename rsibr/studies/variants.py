@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rsibr.geometry.spherical import area_weights, gnomonic_weights
 from rsibr.methods.protocol import MeshMethod, Method
 from rsibr.methods.registry import MethodSet
-from rsibr.methods.rsibr.residual_method import ModelledMethod
+from rsibr.methods.rsibr.residual_method import ResidualMethod
 from rsibr.methods.warp_blend.blend import triangle_mix
 from rsibr.store.bake import Bake
 from rsibr.store.health import LARGEST_HALF
@@ -54,7 +54,7 @@ def variant_of(methods: MethodSet, variant: Variant) -> Method:
 def bytes_read(bake: Bake, method: Method, precision: str) -> int:
     """Size of what a method reads [bytes], in memory: three channels a texel of each map, and the light if it does."""
     maps = 3 * _FLOAT_BYTES[precision] * bake.view_count * bake.resolution**2
-    return maps + bake.light.nbytes if isinstance(method, ModelledMethod) else maps
+    return maps + bake.light.nbytes if isinstance(method, ResidualMethod) else maps
 
 
 def _half(image: NDArray[np.float32]) -> NDArray[np.float32]:

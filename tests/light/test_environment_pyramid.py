@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rsibr.geometry.projections.octahedral import texel_directions, texel_solid_angles
-from rsibr.light.environment_pyramid import _IRRADIANCE, LightStack
+from rsibr.light.environment_pyramid import _IRRADIANCE, EnvironmentPyramid
 from tests.arrays import to_numpy, unit_vectors, vector
 
 R = 128
@@ -29,7 +29,7 @@ def blurred(stack, d, width):
 
 @pytest.fixture(scope="module")
 def harmonics():
-    return {k: LightStack.of(picture(lambda d, k=k: 1 + 0.5 * legendre(k, d @ AXIS))) for k in (1, 2, 4, 8)}
+    return {k: EnvironmentPyramid.of(picture(lambda d, k=k: 1 + 0.5 * legendre(k, d @ AXIS))) for k in (1, 2, 4, 8)}
 
 
 def test_levels_are_root_two_apart_and_reach_the_widest(harmonics):
@@ -41,11 +41,11 @@ def test_levels_are_root_two_apart_and_reach_the_widest(harmonics):
 
 @pytest.mark.parametrize("value", [1.0, 3.7e5, 0.0])
 def test_a_constant_stays_constant(value, rng):
-    stack = LightStack.of(np.full((R, R, 3), value, np.float32))
+    stack = EnvironmentPyramid.of(np.full((R, R, 3), value, np.float32))
     d = np.concatenate([unit_vectors(rng, 2000), np.eye(3), -np.eye(3)])
     for width in (0.0, 1e-3, 0.05, 0.3, 1.3, 5.0):
         assert np.abs(blurred(stack, d, width) - value).max() <= 5e-7 * value  # of rounding in 14 blurs of 45 taps
-        rough = to_numpy(stack.roughly_blurred(vector(d), mi.Float(width)))
+        rough = to_numpy(stack.nearest_blurred(vector(d), mi.Float(width)))
         assert np.abs(rough - value).max() <= 5e-7 * value
 
 
@@ -63,7 +63,7 @@ def test_a_harmonic_is_damped_as_a_gaussian_damps_it(harmonics, degree, rng):
 
 def test_a_blur_of_no_width_is_the_light_itself(rng):
     d = unit_vectors(rng, 2000)
-    stack = LightStack.of(picture(lambda d: 1 + 0.5 * legendre(4, d @ AXIS), 256))
+    stack = EnvironmentPyramid.of(picture(lambda d: 1 + 0.5 * legendre(4, d @ AXIS), 256))
     assert np.abs(blurred(stack, d, 0.0)[:, 0] - 1 - 0.5 * legendre(4, d @ AXIS)).max() < 4e-3
 
 
@@ -82,7 +82,7 @@ def test_a_sun_keeps_its_energy_through_all_levels():
     light = np.full((R, R, 3), 0.01, np.float32)
     light[40, 77] = 1e5
     energy = float((texel_solid_angles(R) @ light.reshape(-1, 3))[0])
-    stack = LightStack.of(light)
+    stack = EnvironmentPyramid.of(light)
     d, angles = vector(to_numpy(texel_directions(256)).T), texel_solid_angles(256)
     for level in range(len(stack.resolutions)):
         assert angles @ to_numpy(stack.fetch(d, mi.UInt32(level)))[0] == pytest.approx(energy, rel=0.06)
@@ -102,7 +102,7 @@ def irradiance(stack, n):
 @pytest.mark.parametrize(("kind", "weights"), [("bare", BARE), ("coated", COATED)])
 def test_irradiance_of_a_gradient_has_its_closed_form(kind, weights, rng):
     """Under L = 1 + a·ω a cosine lobe sees 1 + (2/3) a·n, a coated one 1 + 0.6875 a·n."""
-    stack = LightStack.irradiance(picture(lambda d: 1 + d @ (0.9 * AXIS)), weights)
+    stack = EnvironmentPyramid.irradiance(picture(lambda d: 1 + d @ (0.9 * AXIS)), weights)
 
     def error(n):
         return np.abs(irradiance(stack, n)[:, 0] - 1 - RATIO[kind] * n @ (0.9 * AXIS))
@@ -115,14 +115,14 @@ def test_irradiance_of_a_gradient_has_its_closed_form(kind, weights, rng):
 
 def test_irradiance_of_a_constant_is_that_constant_in_every_mixture(rng):
     mixed = np.array([[0.3, 0.0, 0.0], [0.7, 0.2, 0.0]])  # the last channel is black: it needs a shape all the same
-    stack = LightStack.irradiance(np.full((R, R, 3), 2.5, np.float32), mixed)
+    stack = EnvironmentPyramid.irradiance(np.full((R, R, 3), 2.5, np.float32), mixed)
     assert np.abs(irradiance(stack, unit_vectors(rng, 500)) / 2.5 - 1).max() < 5e-7
 
 
 def test_irradiance_of_a_mixture_lies_between():
     light = picture(lambda d: 1 + d @ (0.9 * AXIS))
     bare, coated = (RATIO[kind] for kind in ("bare", "coated"))
-    half = LightStack.irradiance(light, BARE + COATED)
+    half = EnvironmentPyramid.irradiance(light, BARE + COATED)
     shares = np.array([1 / 2, 1 / 2 - 1 / 42])  # what each sends back under an even sky
     expected = 1 + 0.9 * (shares @ [bare, coated]) / shares.sum()
     assert irradiance(half, AXIS[None])[0] == pytest.approx([expected] * 3, abs=3e-3)
@@ -133,7 +133,7 @@ def test_a_small_sun_lights_a_matte_surface_from_its_own_place():
     light = np.zeros((256, 256, 3), np.float32)
     light[100, 37] = 1.0
     sun = to_numpy(texel_directions(256)).T[100 * 256 + 37]
-    stack = LightStack.irradiance(light, BARE)
+    stack = EnvironmentPyramid.irradiance(light, BARE)
     n = to_numpy(texel_directions(_IRRADIANCE)).T
     exact = np.maximum(n @ sun, 0) * texel_solid_angles(256)[100 * 256 + 37] / np.pi
     assert np.abs(irradiance(stack, n)[:, 0] - exact).max() < 3e-3 * exact.max()

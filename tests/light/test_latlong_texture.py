@@ -5,7 +5,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.light.latlong_texture import LatLongImage
+from rsibr.light.latlong_texture import LatLongTexture
 from rsibr.light.radiance import light_of
 from rsibr.scene.config import EnvironmentConfig
 from rsibr.scene.environment import load_environment
@@ -31,7 +31,7 @@ def test_it_is_interpolated_as_mitsuba_does(tmp_path, rng, shape, rotation):
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(d))
     si.wi = -d
     expected = to_numpy(mi.load_dict({"type": "scene", "light": sky.emitter()}).environment().eval(si))
-    found = to_numpy(LatLongImage.of(light.image, light.frame).fetch(d))
+    found = to_numpy(LatLongTexture.of(light.image, light.frame).fetch(d))
     assert np.abs(found - expected).max() < 3e-5 * sky.image.max()
 
 
@@ -40,7 +40,7 @@ def test_no_image_of_another_size_needs_a_kernel_of_its_own(tmp_path, rng):
 
     def look(shape, rotation):
         light = light_of(environment(tmp_path, shape, rng, rotation), with_image=True)
-        image = LatLongImage.of(light.image, light.frame)
+        image = LatLongTexture.of(light.image, light.frame)
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
             dr.kernel_history_clear()
             dr.eval(image.fetch(d))

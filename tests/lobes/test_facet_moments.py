@@ -7,7 +7,7 @@ import pytest
 from rsibr.lobes.bsdf_eval import interaction
 from rsibr.lobes.facet_moments import NODES, cosines, facet_moments
 from rsibr.lobes.fit import ProxyLobe
-from rsibr.lobes.gaussians import Gaussians, LobeKernel
+from rsibr.lobes.gaussians import Gaussians, LobeShape
 from tests.arrays import to_numpy, vector
 from tests.microfacet import by_quadrature, coated_ggx, facets, shadowing, viewer
 
@@ -18,12 +18,12 @@ AT = [6, 11, 16, 22, 27, NODES - 1]  # nodes: cosines from 0.035 to 1
 
 def one_gaussian(sigma, alpha):
     nothing = Gaussians(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
-    return LobeKernel(alpha, Gaussians(np.array([sigma]), ONE, 0 * ONE), nothing, np.zeros((2, 3)))
+    return LobeShape(alpha, Gaussians(np.array([sigma]), ONE, 0 * ONE), nothing, np.zeros((2, 3)))
 
 
 def total_weight(alpha, coefficients):
     """Sum over the Gaussians of a lobe, at all nodes, in one channel."""
-    kernel = LobeKernel.of(ProxyLobe((alpha,), (coefficients,)))
+    kernel = LobeShape.of(ProxyLobe((alpha,), (coefficients,)))
     return sum(moments.weight for moments in facet_moments(kernel))[:, 0]
 
 
@@ -36,7 +36,7 @@ def test_head_on_facets_lean_nowhere_and_are_as_wide_as_they_are(sigma):
 
 
 def test_a_mirror_leans_nowhere_and_has_no_width():
-    (moments,) = facet_moments(LobeKernel.mirror())
+    (moments,) = facet_moments(LobeShape.mirror())
     assert np.abs(moments.lean).max() < 1e-4
     assert moments.width.max() < 1e-4
     assert moments.weight == pytest.approx(np.ones((NODES, 3)), rel=2e-2)
@@ -112,7 +112,7 @@ def test_weights_under_a_coat_follow_brute_force():
 
 def test_fresnel_weighs_grazing_facets():
     """(1 − cos)⁵ alone: next to nothing head-on, nearly all at grazing angles, and the exact value between."""
-    kernel = LobeKernel.of(ProxyLobe((0.02,), (np.array([[0.0] * 3, [1.0] * 3]),)))
+    kernel = LobeShape.of(ProxyLobe((0.02,), (np.array([[0.0] * 3, [1.0] * 3]),)))
     plain = total_weight(0.02, PLAIN)
     graze = sum(moments.weight for moments in facet_moments(kernel))[:, 0] / plain
     assert graze[-1] < 1e-4

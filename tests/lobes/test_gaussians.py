@@ -5,14 +5,14 @@ import pytest
 
 from rsibr.lobes.basis import LAMBERT
 from rsibr.lobes.fit import ProxyLobe
-from rsibr.lobes.gaussians import LobeKernel
+from rsibr.lobes.gaussians import LobeShape
 
 PLAIN = np.ones((1, 3))
 
 
 def lobe(*terms):
     """A glossy lobe of (roughness, coefficients of shape (terms, 3))."""
-    return LobeKernel.of(ProxyLobe(tuple(a for a, _ in terms), tuple(c for _, c in terms)))
+    return LobeShape.of(ProxyLobe(tuple(a for a, _ in terms), tuple(c for _, c in terms)))
 
 
 def density(slope, sigmas, weights):
@@ -63,7 +63,7 @@ def test_a_lobe_of_a_wide_roughness_has_but_one_term():
 
 def test_a_matte_lobe_is_its_cosine_lobes():
     coefficients = np.array([[0.5, 0.1, 0.0], [0.2, 0.0, 0.3]])
-    kernel = LobeKernel.of(ProxyLobe((LAMBERT,), (coefficients,)))
+    kernel = LobeShape.of(ProxyLobe((LAMBERT,), (coefficients,)))
     assert kernel.is_matte
     assert np.array_equal(kernel.matte, coefficients)
     assert not len(kernel.bare.sigmas)
@@ -71,7 +71,7 @@ def test_a_matte_lobe_is_its_cosine_lobes():
 
 
 def test_a_mirror_has_facets_without_slope():
-    kernel = LobeKernel.mirror()
+    kernel = LobeShape.mirror()
     assert not kernel.is_matte
     assert np.array_equal(kernel.bare.sigmas, [0])
     assert np.array_equal(kernel.bare.plain, np.ones((1, 3)))

@@ -54,7 +54,7 @@ def test_from_the_second_view_on_nothing_is_traced_or_compiled(name, rng):
         launched = [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT]
     assert made._replayed.recordings == 1
     assert len(launched) >= 2 * len(frames[1:])
-    assert all(k["cache_hit"] and k["recording_mode"] == dr.KernelRecordingMode.Replayed for k in launched)
+    assert all(k["cache_hit"] and k["recording_mode"] == dr.KernelRecordingMode.Frozen for k in launched)
 
 
 def test_a_map_outlives_the_next_one(rng):
@@ -81,7 +81,7 @@ import numpy as np
 import drjit as dr
 import mitsuba as mi
 from rsibr import backend
-from rsibr.methods.frozen import Replayed
+from rsibr.methods.frozen import Frozen
 backend.use()
 
 class Litter:
@@ -96,7 +96,7 @@ def doubled(x):
 
 x = dr.arange(mi.Float, 100) + 0
 dr.eval(x)
-replayed = Replayed(doubled)
+replayed = Frozen(doubled)
 for _ in range(50):
     Litter()
 assert np.allclose(replayed(x).numpy(), 2 * np.sin(np.arange(100)), atol=1e-6)

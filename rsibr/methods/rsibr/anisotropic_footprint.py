@@ -13,10 +13,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from rsibr.geometry.to_device import resident
+from rsibr.geometry.to_device import to_device
 
 LookUp = Callable[["mi.Vector3f", "mi.Float"], "mi.Color3f"]
-"""(direction, standard deviation of the blur [rad]) → the light; of a `LightStack`."""
+"""(direction, standard deviation of the blur [rad]) → the light; of a `EnvironmentPyramid`."""
 
 _REACH = 2.2  # standard deviations that the lookups reach
 _DENSITY = 2.0  # lookups to a ratio of the streak's axes
@@ -28,7 +28,7 @@ _NARROWEST = 1e-9  # a mirror at a point has no streak at all
 
 
 @dataclass(frozen=True)
-class Slant:
+class ShadingFrame:
     """A surface as seen from the viewer, one a lane.
 
     Attributes
@@ -46,7 +46,7 @@ class Slant:
     sine: mi.Float
 
     @classmethod
-    def of(cls, n: mi.Vector3f, v: mi.Vector3f) -> Slant:
+    def of(cls, n: mi.Vector3f, v: mi.Vector3f) -> ShadingFrame:
         """Look at surfaces with normal `n` from `v`, both unit vectors."""
         cosine = dr.clip(dr.dot(n, v), _LEAST_COSINE, 1)
         along = v - n * dr.dot(n, v)
@@ -66,29 +66,29 @@ class Slant:
 
 
 @dataclass(frozen=True)
-class Streak:
+class AnisotropicFootprint:
     """The facets of a narrow Gaussian, as a viewer sees them.
 
     Attributes
     ----------
-    slant : Slant
+    shading : ShadingFrame
         The surface.
     along, across : mi.Float
         Standard deviation of the facets' slopes in the plane of incidence, beyond what the blur of a lookup covers of
         it, and across that plane.
     """
 
-    slant: Slant
+    shading: ShadingFrame
     along: mi.Float
     across: mi.Float
 
     @classmethod
-    def of(cls, slant: Slant, sigma: mi.Float, spacing: mi.Float) -> Streak:
+    def of(cls, shading: ShadingFrame, sigma: mi.Float, spacing: mi.Float) -> AnisotropicFootprint:
         """Look at a Gaussian of facets.
 
         Parameters
         ----------
-        slant : Slant
+        shading : ShadingFrame
             The surface.
         sigma : mi.Float
             Standard deviation of the facets' slopes.
@@ -96,13 +96,13 @@ class Streak:
             Distance of neighbouring texels in radii of the disk, 0 for a point: a texel sees the facets of all its
             normals, and at the rim it spans 1/cos θ as many along the plane of incidence.
         """
-        cosine = dr.maximum(slant.cosine, _GRAZING)
+        cosine = dr.maximum(shading.cosine, _GRAZING)
         texel = spacing * spacing * (1 / 12)  # variance of a box
         across = dr.sqrt(sigma * sigma + texel)
         along = sigma * sigma + texel / (cosine * cosine) - dr.square(cosine * across)
-        return cls(slant, dr.sqrt(dr.maximum(along, 0)), across)
+        return cls(shading, dr.sqrt(dr.maximum(along, 0)), across)
 
-    def at_two_places(self, look_up: LookUp) -> mi.Color3f:
+    def two_taps(self, look_up: LookUp) -> mi.Color3f:
         """Mean light, looked up one standard deviation to either side of the middle.
 
         Notes
@@ -112,10 +112,10 @@ class Streak:
         light, weight = mi.Color3f(0), mi.Float(0)
         for t in (-1, 1):
             facet = dr.normalize(mi.Vector3f(t * self.along, 0, 1))
-            toward = dr.dot(facet, self.slant.v)
-            w = 2 * toward * facet - self.slant.v
+            toward = dr.dot(facet, self.shading.v)
+            w = 2 * toward * facet - self.shading.v
             share = dr.select((toward > 0) & (w.z > 0), toward, 0)
-            light += share * look_up(self.slant.to_world(w), self._width(facet, 0.5 * self.along))
+            light += share * look_up(self.shading.to_world(w), self._width(facet, 0.5 * self.along))
             weight += share
         return light / dr.maximum(weight, 1e-20)
 
@@ -127,7 +127,7 @@ class Streak:
         Parameters
         ----------
         spreads : mi.Float
-            From `spreads_of_lookups`.
+            From `tap_spreads`.
         colour : callable
             Facet → the direction that it mirrors the viewer into, and its weight, both in the surface's frame.
         look_up : callable
@@ -138,7 +138,7 @@ class Streak:
         mi.Color3f, mi.Color3f
             Weighted light [W sr⁻¹ m⁻²], and the weight.
         """
-        ratio = self.along / dr.maximum(dr.maximum(self.slant.cosine, _GRAZING) * self.across, _NARROWEST)
+        ratio = self.along / dr.maximum(dr.maximum(self.shading.cosine, _GRAZING) * self.across, _NARROWEST)
         lookups = dr.clip(dr.ceil(_DENSITY * ratio), 1, _MOST_LOOKUPS)
         step, spread = 2 * _REACH / lookups, dr.gather(mi.Float, spreads, mi.UInt32(lookups))
         least = _OVERLAP * 2 * step * self.along
@@ -151,7 +151,7 @@ class Streak:
             share = dr.exp(-0.5 * t * t)
             w, weighing = colour(facet)
             weighing *= share
-            light += weighing * look_up(self.slant.to_world(w), self._width(facet, least))
+            light += weighing * look_up(self.shading.to_world(w), self._width(facet, least))
             return j + 1, light, weight + weighing, total + share
 
         _, light, weight, total = dr.while_loop(
@@ -166,12 +166,12 @@ class Streak:
 
     def _width(self, facet: mi.Vector3f, least: mi.Float) -> mi.Float:
         """Standard deviation [rad] of the blur to look the light up with: the streak's across, but not too narrow."""
-        return dr.maximum(2 * dr.dot(facet, self.slant.v) * facet.z * self.across, least)
+        return dr.maximum(2 * dr.dot(facet, self.shading.v) * facet.z * self.across, least)
 
 
-def spreads_of_lookups() -> mi.Float:
+def tap_spreads() -> mi.Float:
     """For each count of lookups the factor on their places that gives them the variance of the Gaussian."""
-    return resident(mi.Float, np.array([_spread(n) for n in range(_MOST_LOOKUPS + 1)], dtype=np.float32))
+    return to_device(mi.Float, np.array([_spread(n) for n in range(_MOST_LOOKUPS + 1)], dtype=np.float32))
 
 
 def _spread(lookups: int) -> float:

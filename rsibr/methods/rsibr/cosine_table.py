@@ -9,11 +9,11 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.to_device import resident
+from rsibr.geometry.to_device import to_device
 
 
 @dataclass(eq=False)
-class AngleTable:
+class CosineTable:
     """Values at nodes even in √cos θ, closest together at grazing angles.
 
     Attributes
@@ -25,11 +25,11 @@ class AngleTable:
     nodes: mi.Float
 
     @classmethod
-    def of(cls, values: NDArray[np.float64]) -> AngleTable:
+    def of(cls, values: NDArray[np.float64]) -> CosineTable:
         """Put values of shape (nodes, 3 or 4) on the device; a missing fourth is zero."""
         padded = np.zeros((len(values), 4), dtype=np.float32)
         padded[:, : values.shape[1]] = values
-        return cls(resident(mi.Float, padded))
+        return cls(to_device(mi.Float, padded))
 
     def at(self, cosine: mi.Float) -> mi.Vector4f:
         """Values at cos θ, linear between the nodes."""

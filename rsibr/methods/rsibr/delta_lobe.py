@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from rsibr.light.environment_pyramid import LightStack
-from rsibr.light.latlong_texture import LatLongImage
+from rsibr.light.environment_pyramid import EnvironmentPyramid
+from rsibr.light.latlong_texture import LatLongTexture
 from rsibr.light.radiance import Light
 
 EXACT = 3.0
@@ -26,22 +26,22 @@ _FAINT = 1e-6
 
 
 @dataclass(eq=False)
-class MirroredLight:
+class DeltaLobe:
     """The light, to be seen in a mirror.
 
     Attributes
     ----------
-    light : LatLongImage or LightStack
+    light : LatLongTexture or EnvironmentPyramid
         Where it is looked up: of a stack in its finest level.
     fineness : mi.Float
         Points a side of a texel, over its width in radii of the disk (opaque).
     """
 
-    light: LatLongImage | LightStack
+    light: LatLongTexture | EnvironmentPyramid
     fineness: mi.Float
 
     @classmethod
-    def of(cls, light: Light, stack: LightStack, density: float = ROUGH) -> MirroredLight:
+    def of(cls, light: Light, stack: EnvironmentPyramid, density: float = ROUGH) -> DeltaLobe:
         """Take the environment's own image where the bake keeps it, otherwise the finest level of the blurred light.
 
         Parameters
@@ -55,12 +55,12 @@ class MirroredLight:
         if light.image is None:
             # A texel as wide as s shows 2s of the sky, head-on, and √(4π)/R is the distance of the light's texels
             return cls(stack, dr.opaque(mi.Float, len(light.picture) / math.sqrt(math.pi)))
-        image = LatLongImage.of(light.image, light.frame)
+        image = LatLongTexture.of(light.image, light.frame)
         return cls(image, dr.opaque(mi.Float, density * light.image.shape[1] / math.pi))
 
     def fetch(self, d: mi.Vector3f) -> mi.Color3f:
         """Radiance [W sr⁻¹ m⁻²] from unit directions in world coordinates."""
-        if isinstance(self.light, LightStack):
+        if isinstance(self.light, EnvironmentPyramid):
             return self.light.fetch(d, mi.UInt32(0))
         return self.light.fetch(d)
 

@@ -11,14 +11,14 @@ import drjit as dr
 import mitsuba as mi
 
 
-def facet_point(n: mi.Vector3f) -> mi.Point2f:
+def half_vector_point(n: mi.Vector3f) -> mi.Point2f:
     """Map point of unit normals in the viewer's frame, z > −1."""
     scale = dr.rcp(1 + n.z)
     return mi.Point2f(n.x * scale, n.y * scale)
 
 
-def facet_normal(p: mi.Point2f) -> mi.Vector3f:
-    """Unit normal at a map point: the inverse of `facet_point`."""
+def half_vector(p: mi.Point2f) -> mi.Vector3f:
+    """Unit normal at a map point: the inverse of `half_vector_point`."""
     squared = dr.squared_norm(p)
     scale = dr.rcp(1 + squared)
     return mi.Vector3f(2 * p.x * scale, 2 * p.y * scale, (1 - squared) * scale)
@@ -29,7 +29,7 @@ def angle_per_length(p: mi.Point2f) -> mi.Float:
     return 2 * dr.rcp(1 + dr.squared_norm(p))
 
 
-def facet_texels(resolution: int, border: int = 0) -> mi.Point2f:
+def half_vector_texels(resolution: int, border: int = 0) -> mi.Point2f:
     """Map points of the texel centres of a G×G image with so many texels of border around it, row-major."""
     side = resolution + 2 * border
     index = dr.arange(mi.UInt32, side * side)

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.projections.sphere_map import within_disk
-from rsibr.light.environment_pyramid import LightStack
-from rsibr.methods.rsibr.cosine_table import AngleTable
-from rsibr.methods.rsibr.half_vector_map import angle_per_length, facet_normal, facet_texels
+from rsibr.light.environment_pyramid import EnvironmentPyramid
+from rsibr.methods.rsibr.cosine_table import CosineTable
+from rsibr.methods.rsibr.half_vector_map import angle_per_length, half_vector, half_vector_texels
 
 LEVELS = 5
 """Images of the pyramid, each with half the texels a side of the last."""
@@ -54,7 +54,7 @@ def texel_angle(resolution: int, polar_angle: NDArray[np.float64]) -> NDArray[np
 
 
 def gathered(
-    frame: mi.Matrix3f, light: LightStack, weights: list[AngleTable], balance: mi.Float, resolution: int
+    frame: mi.Matrix3f, light: EnvironmentPyramid, weights: list[CosineTable], balance: mi.Float, resolution: int
 ) -> mi.Float:
     """Light that the lobes gather, over the facet map of a viewer.
 
@@ -62,9 +62,9 @@ def gathered(
     ----------
     frame : mi.Matrix3f
         Columns x, y, v: the viewer's frame.
-    light : LightStack
+    light : EnvironmentPyramid
         The light, blurred.
-    weights : list of AngleTable
+    weights : list of CosineTable
         For each level the weight of its light over the angle of the surface, RGB; and the factor on the radius in the
         map that leads to where the facets of the level that are seen to shine have their middle.
     balance : mi.Float
@@ -81,7 +81,7 @@ def gathered(
     return _stored(total * dr.gather(mi.Vector4f, balance, dr.arange(mi.UInt32, (resolution + 2) ** 2)))
 
 
-def balance(weights: list[AngleTable], resolution: int) -> mi.Float:
+def balance(weights: list[CosineTable], resolution: int) -> mi.Float:
     """Factors on the texels of a map that make an even light come back as the weights say.
 
     Between the few texels of a coarse level weights that change with the angle are not followed; without the factors up
@@ -92,9 +92,9 @@ def balance(weights: list[AngleTable], resolution: int) -> mi.Float:
     mi.Float
         RGBA of the map with its border, flat; A means nothing.
     """
-    p = facet_texels(resolution, border=1)
-    even = _summed(_stored(mi.Vector4f(dr.maximum(facet_normal(p).z, 0))), weights, resolution)
-    cosine = facet_normal(within_disk(p)).z
+    p = half_vector_texels(resolution, border=1)
+    even = _summed(_stored(mi.Vector4f(dr.maximum(half_vector(p).z, 0))), weights, resolution)
+    cosine = half_vector(within_disk(p)).z
     wanted = mi.Vector4f(0)
     for weight in weights:
         wanted += weight.at(cosine)
@@ -126,7 +126,7 @@ def lookup(texels: mi.Float, resolution: int, p: mi.Point2f) -> mi.Vector4f:
     return dr.lerp(upper, dr.lerp(texel(stride), texel(stride + 1), rightward), downward)
 
 
-def _summed(finest: mi.Float, weights: list[AngleTable], resolution: int) -> mi.Vector4f:
+def _summed(finest: mi.Float, weights: list[CosineTable], resolution: int) -> mi.Vector4f:
     """Weighted sum of the pyramid over the first level `finest`, from the coarsest level down to it."""
     levels = [finest]
     for level in range(1, LEVELS):
@@ -138,15 +138,15 @@ def _summed(finest: mi.Float, weights: list[AngleTable], resolution: int) -> mi.
     return total
 
 
-def _mirrored(frame: mi.Matrix3f, light: LightStack, resolution: int) -> mi.Float:
+def _mirrored(frame: mi.Matrix3f, light: EnvironmentPyramid, resolution: int) -> mi.Float:
     """First level: the light that each facet mirrors, weighed by the area that the viewer sees of the facet."""
-    p = facet_texels(resolution, border=1)
-    h = facet_normal(p)
+    p = half_vector_texels(resolution, border=1)
+    h = half_vector(p)
     seen = dr.maximum(h.z, 0)
     direction = frame @ mi.Vector3f(2 * h.z * h.x, 2 * h.z * h.y, 2 * h.z * h.z - 1)
     # A texel's facets mirror into an ellipse, twice as wide as the texel and 2 cos θ: a disk of equal area
     width = angle_per_length(p) * (2 / resolution) * dr.sqrt(dr.maximum(seen, _LEAST_HEIGHT))
-    radiance = light.roughly_blurred(direction, width) * seen
+    radiance = light.nearest_blurred(direction, width) * seen
     return _stored(mi.Vector4f(radiance.x, radiance.y, radiance.z, seen))
 
 
@@ -167,10 +167,10 @@ def _halved(finer: mi.Float, resolution: int) -> mi.Float:
     return _stored(total)
 
 
-def _collapsed(level: mi.Float, coarser: mi.Float | None, weight: AngleTable, resolution: int) -> mi.Vector4f:
+def _collapsed(level: mi.Float, coarser: mi.Float | None, weight: CosineTable, resolution: int) -> mi.Vector4f:
     """Light of this level and all coarser ones, each by its weight."""
-    p = within_disk(facet_texels(resolution, border=1))
-    share = weight.at(facet_normal(p).z)
+    p = within_disk(half_vector_texels(resolution, border=1))
+    share = weight.at(half_vector(p).z)
     light = lookup(level, resolution, p * share.w)
     total = mi.Vector4f(share.x * light.x, share.y * light.y, share.z * light.z, 0) / dr.maximum(light.w, 1e-6)
     if coarser is not None:

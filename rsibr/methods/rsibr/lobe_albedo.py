@@ -8,7 +8,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.methods.rsibr.cosine_table import AngleTable
+from rsibr.methods.rsibr.cosine_table import CosineTable
 
 _LEAST = 1e-4  # where an albedo vanishes, at grazing, a quotient by it would not
 _LEAST_SHARE = 1e-3  # of the largest
@@ -20,16 +20,16 @@ class LobeAlbedo:
 
     Attributes
     ----------
-    table : AngleTable
+    table : CosineTable
         Albedo, RGB, never zero.
     """
 
-    table: AngleTable
+    table: CosineTable
 
     @classmethod
     def of(cls, albedo: NDArray[np.float64]) -> LobeAlbedo:
         """Put a table of shape (NODES, 3) on the device; see `rsibr.lobes.albedo`."""
-        return cls(AngleTable.of(np.maximum(albedo, _LEAST * max(_LEAST_SHARE, float(albedo.max())))))
+        return cls(CosineTable.of(np.maximum(albedo, _LEAST * max(_LEAST_SHARE, float(albedo.max())))))
 
     def at(self, cosine: mi.Float) -> mi.Color3f:
         """Albedo at cos θ, linear between the nodes."""

@@ -1,11 +1,11 @@
-"""A model of what a lobe reflects, made of the light alone: taken out of the stored maps, put back in the new one.
+"""Reflection integral of one lobe from the environment pyramid: the prediction P of `rsibr-fine`.
 
-A lobe gathers its light over the slopes of facets, as a mixture of Gaussians (`rsibr.lobes.gaussians`). A narrow one is
-a streak around the mirror direction and looked up along it (`rsibr.methods.rsibr.anisotropic_footprint`). A wide one varies so little
-over the map that it is enough to know it at the nodes of a coarse polar grid.
+The lobe is a mixture of Gaussians over microfacet slopes (`rsibr.lobes.gaussians`). A narrow Gaussian is an anisotropic
+footprint around the mirror direction, sampled along its long axis (`anisotropic_footprint.py`). A wide one is
+integrated by quadrature over slopes; in a map it varies so slowly that the nodes of a coarse polar grid suffice.
 
-The model need not be true. What it says at a stored view is compared with the map there, and the difference is carried
-to the new view: an error of the model counts only as far as it changes from view to view.
+P is an approximation. Its residual at the stored views is warped to the new view, so an error of P counts only as far
+as it changes from view to view.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.to_device import resident
-from rsibr.light.environment_pyramid import LightStack
+from rsibr.geometry.to_device import to_device
+from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.lobes.basis import COAT_IOR, refracted, schlick, transmitted
-from rsibr.lobes.gaussians import Gaussians, LobeKernel
-from rsibr.methods.rsibr.anisotropic_footprint import Slant, Streak, spreads_of_lookups
-from rsibr.methods.rsibr.delta_lobe import ROUGH, MirroredLight
+from rsibr.lobes.gaussians import Gaussians, LobeShape
+from rsibr.methods.rsibr.anisotropic_footprint import AnisotropicFootprint, ShadingFrame, tap_spreads
+from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe
 from rsibr.methods.rsibr.polar_grid import PolarGrid
 
 WIDE = 0.12
@@ -32,14 +32,14 @@ WIDE = 0.12
 
 _POINTS = 192  # of the quadrature over wide Gaussians
 _FILLING = 1.0  # width of a point's blur over the radius of the disk that it stands for
-_Seen = Callable[[Slant, "mi.Vector3f"], tuple["mi.Vector3f", "mi.Float", "mi.Float", "mi.Float"]]
+_Seen = Callable[[ShadingFrame, "mi.Vector3f"], tuple["mi.Vector3f", "mi.Float", "mi.Float", "mi.Float"]]
 """(surface, facet) → where it reflects the viewer to, its weight, its grazing term, and how it spreads."""
 
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 
 @dataclass(eq=False)
-class Rows:
+class QuadratureTable:
     """A list of three triples a row, on the device: where to look, and with what plain and grazing weight.
 
     Attributes
@@ -57,11 +57,11 @@ class Rows:
     is_empty: bool
 
     @classmethod
-    def of(cls, *columns: NDArray[np.float64]) -> Rows:
+    def of(cls, *columns: NDArray[np.float64]) -> QuadratureTable:
         """Put three columns of shape (M, 3) on the device."""
         rows = np.stack([np.pad(column, ((0, 0), (0, 1))) for column in columns], axis=1).reshape(-1, 12)
         values = rows if len(rows) else np.zeros((1, 12))
-        return cls(resident(mi.Float, values.astype(np.float32)), dr.opaque(mi.UInt32, len(rows)), not len(rows))
+        return cls(to_device(mi.Float, values.astype(np.float32)), dr.opaque(mi.UInt32, len(rows)), not len(rows))
 
     def row(self, index: mi.UInt32) -> tuple[mi.Color3f, mi.Color3f, mi.Color3f]:
         """The three triples of a row."""
@@ -71,62 +71,62 @@ class Rows:
 
 
 @dataclass(eq=False)
-class LobeModel:
+class LobeIntegral:
     """Radiance of a lobe over its directional albedo.
 
     Attributes
     ----------
-    light : LightStack
+    light : EnvironmentPyramid
         The light; of a matte lobe its irradiance, in one level.
-    mirrored : MirroredLight or None
+    mirrored : DeltaLobe or None
         The light as a delta lobe shows it; None for any other.
     is_matte : bool
         Whether the lobe follows the normal.
     alpha : mi.Float
         Roughness that masking and shadowing go by.
-    narrow : Rows
+    narrow : QuadratureTable
         Narrow Gaussians: (σ, 0, 0) and the weights.
-    bare, coated : Rows
+    bare, coated : QuadratureTable
         Quadrature points of wide Gaussians, on the surface and under a coat: (slope x, slope y, area) and the weights.
     spreads : mi.Float
         See `rsibr.methods.rsibr.anisotropic_footprint.spreads_of_lookups`.
     """
 
-    light: LightStack
-    mirrored: MirroredLight | None
+    light: EnvironmentPyramid
+    mirrored: DeltaLobe | None
     is_matte: bool
     alpha: mi.Float
-    narrow: Rows
-    bare: Rows
-    coated: Rows
+    narrow: QuadratureTable
+    bare: QuadratureTable
+    coated: QuadratureTable
     spreads: mi.Float
 
     @classmethod
-    def of(cls, kernel: LobeKernel, stack: LightStack, light: Light, density: float = ROUGH) -> LobeModel:
+    def of(cls, kernel: LobeShape, stack: EnvironmentPyramid, light: Light, density: float = ROUGH) -> LobeIntegral:
         """Put a lobe's kernel on the device.
 
         Parameters
         ----------
-        kernel : LobeKernel
+        kernel : LobeShape
             Its shape.
-        stack : LightStack
+        stack : EnvironmentPyramid
             The light, blurred.
         light : Light
             The same light, as it is.
         density : float
-            How finely a delta lobe looks; see `MirroredLight`.
+            How finely a delta lobe looks; see `DeltaLobe`.
         """
         narrow = kernel.bare.between(0, WIDE)
         widths = np.stack([narrow.sigmas, *[np.zeros_like(narrow.sigmas)] * 2], axis=1)
         return cls(
-            light=LightStack.irradiance(light.picture, kernel.matte) if kernel.is_matte else stack,
-            mirrored=MirroredLight.of(light, stack, density) if kernel.is_mirror else None,
+            light=EnvironmentPyramid.irradiance(light.picture, kernel.matte) if kernel.is_matte else stack,
+            mirrored=DeltaLobe.of(light, stack, density) if kernel.is_mirror else None,
             is_matte=kernel.is_matte,
             alpha=dr.opaque(mi.Float, kernel.alpha),
-            narrow=Rows.of(widths, narrow.plain, narrow.grazing),
+            narrow=QuadratureTable.of(widths, narrow.plain, narrow.grazing),
             bare=_quadrature(kernel.bare.between(WIDE, np.inf)),
             coated=_quadrature(kernel.coated),
-            spreads=spreads_of_lookups(),
+            spreads=tap_spreads(),
         )
 
     @property
@@ -151,14 +151,14 @@ class LobeModel:
             return self.light.fetch(n, mi.UInt32(0))
         if self.mirrored is not None:
             return self.mirrored.fetch(2 * dr.dot(n, v) * n - v)
-        slant = Slant.of(n, v)
-        return _ratio(_sum(self._gathered_narrow(slant, mi.Float(0)), self._gathered_wide(slant)))
+        shading = ShadingFrame.of(n, v)
+        return _ratio(_sum(self._gathered_narrow(shading, mi.Float(0)), self._gathered_wide(shading)))
 
     def grid(self, frame: mi.Matrix3f) -> PolarGrid:
         """Gather the wide part of the lobe at the nodes of a grid over the map of `frame`, columns x, y, v."""
         n = frame @ PolarGrid.normals()
         v = mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2])
-        light, weight = self._gathered_wide(Slant.of(n, v))
+        light, weight = self._gathered_wide(ShadingFrame.of(n, v))
         return PolarGrid.of(light, weight)
 
     def radiance_in_map(
@@ -181,21 +181,21 @@ class LobeModel:
             return self.light.fetch(frame @ n, mi.UInt32(0))
         if self.mirrored is not None:
             return self.mirrored.mean_over_texel(n, frame, spacing, lambda _cosine: mi.Color3f(1))
-        slant = Slant.of(frame @ n, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
-        gathered = self._gathered_narrow(slant, spacing)
+        shading = ShadingFrame.of(frame @ n, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
+        gathered = self._gathered_narrow(shading, spacing)
         return _ratio(gathered if grid is None else _sum(gathered, grid.lookup(n)))
 
-    def _gathered_narrow(self, slant: Slant, spacing: mi.Float) -> tuple[mi.Color3f, mi.Color3f]:
+    def _gathered_narrow(self, shading: ShadingFrame, spacing: mi.Float) -> tuple[mi.Color3f, mi.Color3f]:
         """Light and weight of the narrow Gaussians, gathered along the plane of incidence."""
 
         def gather(i: mi.UInt32, light: mi.Color3f, weight: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f, mi.Color3f]:
             sigma, plain, grazing = self.narrow.row(i)
 
             def colour(facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Color3f]:
-                w, factor, grazed = self._reflected(slant.v, facet)
+                w, factor, grazed = self._reflected(shading.v, facet)
                 return w, factor * (plain + grazing * grazed)
 
-            a, b = Streak.of(slant, sigma.x, spacing).gather(self.spreads, colour, self.light.blurred)
+            a, b = AnisotropicFootprint.of(shading, sigma.x, spacing).gather(self.spreads, colour, self.light.blurred)
             return i + 1, light + a, weight + b
 
         _, light, weight = dr.while_loop(
@@ -207,19 +207,21 @@ class LobeModel:
         )
         return light, weight
 
-    def _gathered_wide(self, slant: Slant) -> tuple[mi.Color3f, mi.Color3f]:
+    def _gathered_wide(self, shading: ShadingFrame) -> tuple[mi.Color3f, mi.Color3f]:
         """Light and weight of the wide Gaussians, by quadrature over slopes."""
-        return _sum(self._quadrature(slant, self.bare, self._bare), self._quadrature(slant, self.coated, self._coated))
+        return _sum(
+            self._quadrature(shading, self.bare, self._bare), self._quadrature(shading, self.coated, self._coated)
+        )
 
-    def _quadrature(self, slant: Slant, points: Rows, seen: _Seen) -> tuple[mi.Color3f, mi.Color3f]:
+    def _quadrature(self, shading: ShadingFrame, points: QuadratureTable, seen: _Seen) -> tuple[mi.Color3f, mi.Color3f]:
         def gather(i: mi.UInt32, light: mi.Color3f, weight: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f, mi.Color3f]:
             slope, plain, grazing = points.row(i)
             facet = dr.normalize(mi.Vector3f(slope.x, slope.y, 1))
-            w, factor, grazed, stretch = seen(slant, facet)
+            w, factor, grazed, stretch = seen(shading, facet)
             colour = factor * (plain + grazing * grazed)
             solid_angle = stretch * facet.z * facet.z * facet.z * slope.z
             width = dr.sqrt(solid_angle) * (_FILLING / np.sqrt(np.pi))
-            return i + 1, light + colour * self.light.blurred(slant.to_world(w), width), weight + colour
+            return i + 1, light + colour * self.light.blurred(shading.to_world(w), width), weight + colour
 
         _, light, weight = dr.while_loop(
             state=(mi.UInt32(0), dr.zeros(mi.Color3f, 1), dr.zeros(mi.Color3f, 1)),
@@ -230,20 +232,20 @@ class LobeModel:
         )
         return light, weight
 
-    def _bare(self, slant: Slant, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
+    def _bare(self, shading: ShadingFrame, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
         """Where a facet on the surface reflects the viewer to, its weight, its grazing term, and how it spreads."""
-        w, factor, grazed = self._reflected(slant.v, facet)
-        return w, factor, grazed, 4 * dr.maximum(dr.dot(facet, slant.v), 1e-3)
+        w, factor, grazed = self._reflected(shading.v, facet)
+        return w, factor, grazed, 4 * dr.maximum(dr.dot(facet, shading.v), 1e-3)
 
-    def _coated(self, slant: Slant, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
+    def _coated(self, shading: ShadingFrame, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
         """The same for a facet under the coat; light that is reflected totally does not leave it."""
-        inner_v = refracted(slant.v)
+        inner_v = refracted(shading.v)
         inner, factor, _ = self._reflected(inner_v, facet)
         x, y = inner.x * COAT_IOR, inner.y * COAT_IOR
         height = 1 - x * x - y * y
         w = mi.Vector3f(x, y, dr.sqrt(dr.maximum(height, 1e-6)))
         factor = dr.select(
-            height > 0, factor * transmitted(w.z) * transmitted(slant.cosine) * slant.cosine / inner_v.z, 0
+            height > 0, factor * transmitted(w.z) * transmitted(shading.cosine) * shading.cosine / inner_v.z, 0
         )
         bent = COAT_IOR * COAT_IOR * dr.maximum(inner.z, 0) / w.z
         return w, factor, mi.Float(0), 4 * dr.maximum(dr.dot(facet, inner_v), 1e-3) * bent
@@ -265,11 +267,11 @@ class LobeModel:
         return w, factor, schlick(toward)
 
 
-def _quadrature(gaussians: Gaussians) -> Rows:
+def _quadrature(gaussians: Gaussians) -> QuadratureTable:
     """Points on a sunflower spiral over the mixture, each with the area of slopes that it stands for."""
     sigmas, energy = gaussians.sigmas, (gaussians.plain + gaussians.grazing).sum(axis=1)
     if not len(sigmas):
-        return Rows.of(*[np.zeros((0, 3))] * 3)
+        return QuadratureTable.of(*[np.zeros((0, 3))] * 3)
     radii = np.concatenate([[0.0], np.geomspace(1e-4, 8.0, 4000)])
     within = (energy * -np.expm1(-0.5 * (radii[:, None] / sigmas) ** 2)).sum(axis=1) / energy.sum()
     radius = np.interp((np.arange(_POINTS) + 0.5) / _POINTS * within[-1], within, radii)
@@ -277,7 +279,9 @@ def _quadrature(gaussians: Gaussians) -> Rows:
     density = np.exp(-0.5 * (radius[:, None] / sigmas) ** 2) / (2 * np.pi * sigmas**2)
     area = 1 / (_POINTS * (density @ energy) / energy.sum())
     places = np.stack([radius * np.cos(angle), radius * np.sin(angle), area], axis=1)
-    return Rows.of(places, density @ gaussians.plain * area[:, None], density @ gaussians.grazing * area[:, None])
+    return QuadratureTable.of(
+        places, density @ gaussians.plain * area[:, None], density @ gaussians.grazing * area[:, None]
+    )
 
 
 def _sum(a: tuple[mi.Color3f, mi.Color3f], b: tuple[mi.Color3f, mi.Color3f]) -> tuple[mi.Color3f, mi.Color3f]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rsibr.lobes.albedo import node_cosines
 from rsibr.lobes.facet_moments import NODES, FacetMoments, cosines, facet_moments
-from rsibr.lobes.gaussians import LobeKernel
+from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.rsibr.half_vector_pyramid import LEVELS, level_variances, texel_angle
 
 Array = NDArray[np.float64]
@@ -45,17 +45,17 @@ def albedo_at_nodes(albedo: Array) -> Array:
 
 
 def lobe_weights(
-    lobes: Sequence[tuple[LobeKernel, Array]], resolution: int, part: LobeKernel | None = None
+    lobes: Sequence[tuple[LobeShape, Array]], resolution: int, part: LobeShape | None = None
 ) -> LobeWeights:
     """Weights of glossy lobes.
 
     Parameters
     ----------
-    lobes : sequence of (LobeKernel, ndarray of shape (albedo nodes, 3))
+    lobes : sequence of (LobeShape, ndarray of shape (albedo nodes, 3))
         Each lobe's kernel and directional albedo: at each angle its Gaussians' weights add up to that.
     resolution : int
         Texels a side of the first level.
-    part : LobeKernel, optional
+    part : LobeShape, optional
         The one of `lobes` whose share of the weights is wanted, at the places that all have in common.
 
     Returns

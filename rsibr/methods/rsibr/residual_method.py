@@ -1,8 +1,8 @@
-"""Methods that take a model of the reflected light out of the stored maps and put it back in the new one.
+"""Prediction P plus the warped residual (stored − P): what `rsibr` and `rsibr-fine` have in common.
 
-L(n, v) ≈ P(n, v) + E(θ) × the residuals of the stored views, carried as `rsibr.methods.rsibr.residual_transport` says, with the
-model P and the directional albedo E of the whole material. There are two models: one gathers each lobe's light where it
-is needed (`rsibr-fine`), the other for a whole map at once (`rsibr`).
+L(n, v) ≈ P(n, v) + E(θ) · Σ (weighted residuals of the stored views over E), see `residual_transport.py`, with the
+directional albedo E of the whole material. `rsibr-fine` integrates P lobe by lobe, `rsibr` takes it from one
+half-vector pyramid for the whole map.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rsibr.geometry.projections.sphere_map import (
 )
 from rsibr.methods.protocol import Method, as_rgba, frame_from, laid_out, touches_disk
 from rsibr.methods.rsibr.lobe_albedo import LobeAlbedo
-from rsibr.methods.rsibr.lobe_integral import LobeModel
+from rsibr.methods.rsibr.lobe_integral import LobeIntegral
 from rsibr.methods.rsibr.polar_grid import PolarGrid
 from rsibr.methods.rsibr.residual_transport import carried, within_reach
 from rsibr.methods.rsibr.rsibr import PrefilteredLobes
@@ -35,7 +35,7 @@ from rsibr.methods.warp_blend.warp import Warp
 
 
 @dataclass(eq=False)
-class ModelledMethod(Method):
+class ResidualMethod(Method):
     """A model P of all lobes and what it left unsaid.
 
     Attributes
@@ -118,16 +118,16 @@ class ModelledMethod(Method):
 
 
 @dataclass(eq=False)
-class FineMethod(ModelledMethod):
+class FineMethod(ResidualMethod):
     """`rsibr-fine`: each lobe gathers its own light, by as many lookups as its shape asks for.
 
     Attributes
     ----------
-    lobes : list of (LobeModel, LobeAlbedo)
+    lobes : list of (LobeIntegral, LobeAlbedo)
         Model of each lobe, and its share of the albedo.
     """
 
-    lobes: list[tuple[LobeModel, LobeAlbedo]] = field(default_factory=list)
+    lobes: list[tuple[LobeIntegral, LobeAlbedo]] = field(default_factory=list)
 
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` off surfaces with normal `n`: see `Method.eval`."""
@@ -153,7 +153,7 @@ class FineMethod(ModelledMethod):
 
 
 @dataclass(eq=False)
-class PrefilteredMethod(ModelledMethod):
+class PrefilteredMethod(ResidualMethod):
     """`rsibr`: the light that all lobes gather, for a whole map at once.
 
     Attributes

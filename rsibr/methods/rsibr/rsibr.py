@@ -8,13 +8,13 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.light.environment_pyramid import LightStack
+from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
-from rsibr.lobes.gaussians import LobeKernel
-from rsibr.methods.rsibr.anisotropic_footprint import Slant, Streak
-from rsibr.methods.rsibr.cosine_table import AngleTable
-from rsibr.methods.rsibr.delta_lobe import ROUGH, MirroredLight
-from rsibr.methods.rsibr.half_vector_map import facet_point
+from rsibr.lobes.gaussians import LobeShape
+from rsibr.methods.rsibr.anisotropic_footprint import AnisotropicFootprint, ShadingFrame
+from rsibr.methods.rsibr.cosine_table import CosineTable
+from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe
+from rsibr.methods.rsibr.half_vector_map import half_vector_point
 from rsibr.methods.rsibr.half_vector_pyramid import balance, finest_resolution, gathered, lookup
 from rsibr.methods.rsibr.lobe_weights import LobeWeights, albedo_at_nodes, lobe_weights
 
@@ -27,54 +27,54 @@ class PrefilteredLobes:
 
     Attributes
     ----------
-    light : LightStack
+    light : EnvironmentPyramid
         The light, blurred.
     resolution : int
         Texels a side of the facet pyramid's first level.
-    levels : list of AngleTable
+    levels : list of CosineTable
         Weight of each level of the pyramid; none where no lobe is glossy.
     balance : mi.Float
         Factors on the pyramid's sum; see `facet_pyramid.balance`.
-    sharp : AngleTable or None
+    sharp : CosineTable or None
         Weight and width of what is narrower than the first level, deltas aside; None where nothing is.
-    mirror : (MirroredLight, AngleTable) or None
+    mirror : (DeltaLobe, CosineTable) or None
         The light as a delta lobe shows it, and the albedo of that; None where there is none.
-    matte : list of (LightStack, AngleTable)
+    matte : list of (EnvironmentPyramid, CosineTable)
         Irradiance and albedo of each matte lobe.
     """
 
-    light: LightStack
+    light: EnvironmentPyramid
     resolution: int
-    levels: list[AngleTable]
+    levels: list[CosineTable]
     balance: mi.Float
-    sharp: AngleTable | None
-    mirror: tuple[MirroredLight, AngleTable] | None
-    matte: list[tuple[LightStack, AngleTable]]
+    sharp: CosineTable | None
+    mirror: tuple[DeltaLobe, CosineTable] | None
+    matte: list[tuple[EnvironmentPyramid, CosineTable]]
 
     @classmethod
     def of(
         cls,
-        lobes: list[tuple[LobeKernel, Array]],
-        stack: LightStack,
+        lobes: list[tuple[LobeShape, Array]],
+        stack: EnvironmentPyramid,
         light: Light,
         resolution: int,
-        part: LobeKernel | None = None,
+        part: LobeShape | None = None,
         density: float = ROUGH,
     ) -> PrefilteredLobes:
         """Prepare the lobes for sphere maps of N×N texels.
 
         Parameters
         ----------
-        lobes : list of (LobeKernel, ndarray of shape (albedo nodes, 3))
+        lobes : list of (LobeShape, ndarray of shape (albedo nodes, 3))
             Kernel and directional albedo of each.
         stack, light
             The light, blurred; and as it is.
         resolution : int
             N.
-        part : LobeKernel, optional
+        part : LobeShape, optional
             The one of `lobes` to take alone; the parts of all add up to the whole.
         density : float
-            How finely a delta lobe looks; see `MirroredLight`.
+            How finely a delta lobe looks; see `DeltaLobe`.
         """
         finest = finest_resolution(resolution)
         glossy = [lobe for lobe in lobes if not lobe[0].is_matte and not lobe[0].is_mirror]
@@ -85,12 +85,12 @@ class PrefilteredLobes:
             resolution=finest,
             levels=_tables(weights) if glossy else [],
             balance=balance(_tables(whole), finest) if glossy else mi.Float(0),  # of all parts, so that they add up
-            sharp=AngleTable.of(weights.sharp) if weights.has_sharp else None,
-            mirror=(MirroredLight.of(light, stack, density), AngleTable.of(albedo_at_nodes(mirrors[0])))
+            sharp=CosineTable.of(weights.sharp) if weights.has_sharp else None,
+            mirror=(DeltaLobe.of(light, stack, density), CosineTable.of(albedo_at_nodes(mirrors[0])))
             if mirrors
             else None,
             matte=[
-                (LightStack.irradiance(light.picture, kernel.matte), AngleTable.of(albedo_at_nodes(albedo)))
+                (EnvironmentPyramid.irradiance(light.picture, kernel.matte), CosineTable.of(albedo_at_nodes(albedo)))
                 for kernel, albedo in lobes
                 if kernel.is_matte and part in (None, kernel)
             ],
@@ -118,7 +118,7 @@ class PrefilteredLobes:
         """
         radiance = mi.Color3f(0)
         if self.levels:
-            radiance += _colour(lookup(facets, self.resolution, facet_point(n)))
+            radiance += _colour(lookup(facets, self.resolution, half_vector_point(n)))
         world = frame @ n
         for irradiance, albedo in self.matte:
             radiance += _colour(albedo.at(n.z)) * irradiance.fetch(world, mi.UInt32(0))
@@ -128,13 +128,13 @@ class PrefilteredLobes:
         if self.sharp is None:
             return radiance
         weight = self.sharp.at(n.z)
-        slant = Slant.of(world, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
-        sharp = Streak.of(slant, weight.w, spacing).at_two_places(self.light.roughly_blurred)
+        shading = ShadingFrame.of(world, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
+        sharp = AnisotropicFootprint.of(shading, weight.w, spacing).two_taps(self.light.nearest_blurred)
         return radiance + _colour(weight) * sharp
 
 
-def _tables(weights: LobeWeights) -> list[AngleTable]:
-    return [AngleTable.of(level) for level in weights.levels]
+def _tables(weights: LobeWeights) -> list[CosineTable]:
+    return [CosineTable.of(level) for level in weights.levels]
 
 
 def _colour(values: mi.Vector4f) -> mi.Color3f:

@@ -23,7 +23,7 @@ _NOISE = 1e-4
 
 
 @dataclass
-class Footprint:
+class MirrorFootprint:
     """Mirror direction of a destination texel, and the axes of its lobe's footprint there.
 
     Attributes
@@ -42,8 +42,8 @@ class Footprint:
     cosine: mi.Float
 
     @classmethod
-    def at(cls, n: mi.Vector3f) -> Footprint:
-        """Footprint at the surface normal `n` in the destination's frame, where the viewer is +z."""
+    def at(cls, n: mi.Vector3f) -> MirrorFootprint:
+        """MirrorFootprint at the surface normal `n` in the destination's frame, where the viewer is +z."""
         r = mi.Vector3f(2 * n.x * n.z, 2 * n.y * n.z, 2 * n.z * n.z - 1)
         along = _tangent(r, mi.Vector3f(0, 0, 1))
         return cls(r, along, dr.cross(r, along), n.z)

@@ -15,7 +15,7 @@ from rsibr.geometry.viewpoints import ViewSphere
 from rsibr.methods.protocol import Method, as_rgba, frame_from, laid_out, touches_disk
 from rsibr.methods.rsibr.lobe_albedo import LobeAlbedo
 from rsibr.methods.warp_blend.blend import Mixture
-from rsibr.methods.warp_blend.footprint_covariance import MOST_TAKEN, Footprint, tap_angle
+from rsibr.methods.warp_blend.footprint_covariance import MOST_TAKEN, MirrorFootprint, tap_angle
 from rsibr.methods.warp_blend.source_maps import SourceMaps, StoredView
 from rsibr.methods.warp_blend.warp import LEAST_CONFIDENCE, MirrorWarp, NormalWarp
 
@@ -118,7 +118,7 @@ class Corrections:
 
 
 @dataclass(eq=False)
-class LobedMethod(Method):
+class LobeWarpMethod(Method):
     """Σ_k E_k(θ_d) [Σ_i w_i c_ik S_ik(p_ik)/E_k(θ_ik)] / Σ_i w_i c_ik; DESIGN.md, "Lobes".
 
     Attributes
@@ -158,13 +158,13 @@ class LobedMethod(Method):
         return [(mixture, [LobeWarps.between(stored, frame) for stored in mixture.views]) for mixture in mixtures]
 
     def _summed(self, toward: list[Toward], n: mi.Vector3f) -> mi.Color3f:
-        radiance, footprint = mi.Color3f(0), Footprint.at(n)
+        radiance, footprint = mi.Color3f(0), MirrorFootprint.at(n)
         for group, (mixture, warps) in zip(self.groups, toward, strict=True):
             radiance += self._of_group(group, mixture, warps, footprint, n)
         return radiance
 
     def _of_group(
-        self, group: LobeGroup, mixture: Mixture, warps: list[LobeWarps], footprint: Footprint, n: mi.Vector3f
+        self, group: LobeGroup, mixture: Mixture, warps: list[LobeWarps], footprint: MirrorFootprint, n: mi.Vector3f
     ) -> mi.Color3f:
         radiance = mi.Color3f(0)
         points = {is_diffuse: [warp.point(n, is_diffuse) for warp in warps] for is_diffuse in (False, True)}
@@ -187,7 +187,7 @@ class LobedMethod(Method):
         lobe: LobeMaps,
         view: mi.UInt32,
         mirror: MirrorWarp,
-        footprint: Footprint,
+        footprint: MirrorFootprint,
         p: mi.Point2f,
         cosine: mi.Float,
     ) -> mi.Color3f:
@@ -199,7 +199,7 @@ class LobedMethod(Method):
 
 
 def _mended(
-    lobe: LobeMaps, view: mi.UInt32, mirror: MirrorWarp, footprint: Footprint, cosine: mi.Float, seen: mi.Color3f
+    lobe: LobeMaps, view: mi.UInt32, mirror: MirrorWarp, footprint: MirrorFootprint, cosine: mi.Float, seen: mi.Color3f
 ) -> mi.Color3f:
     """Give a source's radiance the destination's footprint: L + Σ sign(λ)(L₊ + L₋ − 2L)/6."""
     change = mi.Color3f(0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from rsibr.errors import MachineError
-from rsibr.geometry.to_device import resident
+from rsibr.geometry.to_device import to_device
 from rsibr.light.shared_exponent import packed, unpacked
 
 MAX_WORDS = 2**32 - 1
@@ -97,8 +97,8 @@ class SourceMaps:
             whole = np.pad(filled, ((0, 0), (0, strips * _STRIP - stride), (0, 0)))
             texel[:] = whole.reshape(stride, strips, _STRIP, _WORDS).swapaxes(0, 1)
         return cls(
-            texels=resident(mi.Float, texels.view(np.float32)),
-            frames=resident(mi.Float, np.swapaxes(frames, 1, 2).astype(np.float32)),
+            texels=to_device(mi.Float, texels.view(np.float32)),
+            frames=to_device(mi.Float, np.swapaxes(frames, 1, 2).astype(np.float32)),
             half=dr.opaque(mi.Float, resolution / 2),
             strip_size=dr.opaque(mi.UInt32, stride * _STRIP),
             map_size=dr.opaque(mi.UInt32, strips * stride * _STRIP),

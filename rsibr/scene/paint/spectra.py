@@ -15,7 +15,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.to_device import resident
+from rsibr.geometry.to_device import to_device
 
 Array = NDArray[np.float64]
 
@@ -113,7 +113,7 @@ def lookup_table(values: Array, dimensions: int) -> mi.Texture1f | mi.Texture3f:
     kind = {1: mi.Texture1f, 3: mi.Texture3f}[dimensions]
     if not dr.is_jit_v(mi.Float):
         return kind(mi.TensorXf(padded))
-    return kind(mi.TensorXf(resident(mi.Float, padded), shape=padded.shape), use_accel=False)
+    return kind(mi.TensorXf(to_device(mi.Float, padded), shape=padded.shape), use_accel=False)
 
 
 def opaque_colour(values: Iterable[float]) -> mi.UnpolarizedSpectrum:

@@ -183,7 +183,7 @@ def assess(bake: Bake, views: Sequence[NDArray[np.float64]]) -> Health:
     Notes
     -----
     False alarms: fireflies below 1e-5 a texel of a bake of 4 to 11 samples, none seen with more (`rsibr.store.health`);
-    drift below 1e-3 a bake where the kernel's residuals are Gaussian (`rsibr.validation.health.energy`); the bound by the
+    drift below 1e-3 a bake where the residuals are Gaussian (`rsibr.validation.health.energy`); the bound by the
     environment below 3e-7 a channel of a view. All else is counted, not estimated.
     """
     backend.use()

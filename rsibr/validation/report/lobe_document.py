@@ -10,14 +10,14 @@ from rsibr.validation.lobes import METHOD, LobeError, LobeSummary, ViewLobes, su
 from rsibr.validation.report.estimate_document import EstimateModel, Interval, Positive, StrictModel
 
 
-class LobeModel(StrictModel):
+class LobeIntegral(StrictModel):
     """One lobe at one view."""
 
     rel_mse: EstimateModel = Field(description="squared error of the lobe over the denominator of the whole's relMSE")
     light: float = Field(description="share of the lobe in the light of the map")
 
     @classmethod
-    def of(cls, error: LobeError) -> LobeModel:
+    def of(cls, error: LobeError) -> LobeIntegral:
         """Take over a lobe's error."""
         return cls(rel_mse=EstimateModel.of(error.rel_mse), light=error.light)
 
@@ -26,12 +26,12 @@ class ViewLobesModel(StrictModel):
     """All lobes at one view."""
 
     worst: str = Field(description="the lobe with the largest error")
-    errors: dict[str, LobeModel]
+    errors: dict[str, LobeIntegral]
 
     @classmethod
     def of(cls, lobes: ViewLobes) -> ViewLobesModel:
         """Take over a view's lobes."""
-        return cls(worst=lobes.worst, errors={name: LobeModel.of(error) for name, error in lobes.errors.items()})
+        return cls(worst=lobes.worst, errors={name: LobeIntegral.of(error) for name, error in lobes.errors.items()})
 
 
 class LobeSummaryModel(StrictModel):

@@ -5,20 +5,20 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.methods.rsibr.anisotropic_footprint import Slant, Streak, spreads_of_lookups
+from rsibr.methods.rsibr.anisotropic_footprint import AnisotropicFootprint, ShadingFrame, tap_spreads
 from tests.arrays import to_numpy, unit_vectors, vector
 from tests.microfacet import viewer
 
 COSINES = (0.995, 0.8, 0.5, 0.25, 0.12)
 
 
-def slant(cosine):
-    return Slant.of(mi.Vector3f(0, 0, 1), mi.Vector3f(*viewer(cosine).tolist()))
+def shading(cosine):
+    return ShadingFrame.of(mi.Vector3f(0, 0, 1), mi.Vector3f(*viewer(cosine).tolist()))
 
 
 def squared_angles(cosine):
     """A light that is the square of an angle to the mirror direction, in the plane and across: a blur adds its own."""
-    surface = slant(cosine)
+    surface = shading(cosine)
     r = mi.Vector3f(-np.sqrt(1 - cosine**2).item(), 0, cosine)
     within, across = mi.Vector3f(cosine, 0, np.sqrt(1 - cosine**2).item()), mi.Vector3f(0, 1, 0)
 
@@ -37,8 +37,8 @@ def spread(cosine, sigma, spacing=0.0):
     def colour(facet):
         return 2 * dr.dot(facet, surface.v) * facet - surface.v, mi.Color3f(1)
 
-    streak = Streak.of(surface, mi.Float(sigma), mi.Float(spacing))
-    light, weight = streak.gather(spreads_of_lookups(), colour, squared)
+    streak = AnisotropicFootprint.of(surface, mi.Float(sigma), mi.Float(spacing))
+    light, weight = streak.gather(tap_spreads(), colour, squared)
     return np.sqrt(to_numpy(light)[:2, 0]), to_numpy(weight)[0, 0]
 
 
@@ -71,15 +71,17 @@ def test_a_point_sees_a_mirror_sharp():
 def test_two_places_have_the_variance_in_the_plane(cosine):
     """Gauss and Hermite's rule; the blur of a lookup bridges them, and so adds to it, and widens a long streak."""
     surface, squared = squared_angles(cosine)
-    streak = Streak.of(surface, mi.Float(0.02), mi.Float(0))
-    along, across = np.sqrt(to_numpy(streak.at_two_places(squared))[:2, 0])
+    streak = AnisotropicFootprint.of(surface, mi.Float(0.02), mi.Float(0))
+    along, across = np.sqrt(to_numpy(streak.two_taps(squared))[:2, 0])
     assert 0.04 * 0.97 < along < 0.04 * 1.04
     assert across == pytest.approx(max(0.04 * cosine, 0.5 * to_numpy(streak.along)[0]), rel=0.03)
 
 
 def test_two_places_of_a_mirror_are_one():
     surface, _ = squared_angles(0.5)
-    mirrored = Streak.of(surface, mi.Float(0), mi.Float(0)).at_two_places(lambda d, width: mi.Color3f(d.x, d.z, width))
+    mirrored = AnisotropicFootprint.of(surface, mi.Float(0), mi.Float(0)).two_taps(
+        lambda d, width: mi.Color3f(d.x, d.z, width)
+    )
     assert to_numpy(mirrored)[:, 0] == pytest.approx([-np.sqrt(0.75), 0.5, 0], abs=1e-6)
 
 
@@ -88,7 +90,7 @@ def test_a_slant_is_an_orthonormal_frame_with_the_viewer_in_its_plane(rng):
     v *= np.sign((n * v).sum(1, keepdims=True))
     v[:3], v[3:6] = n[:3], n[3:6] + 1e-6  # head-on, where every plane is one of incidence
     v /= np.linalg.norm(v, axis=1, keepdims=True)
-    made = Slant.of(vector(n), vector(v))
+    made = ShadingFrame.of(vector(n), vector(v))
     frame = np.stack([to_numpy(axis).T for axis in (made.x, made.y, made.n)], axis=2)
     assert np.abs(np.swapaxes(frame, 1, 2) @ frame - np.eye(3)).max() < 3e-5
     far = (n * v).sum(1) > 1e-2

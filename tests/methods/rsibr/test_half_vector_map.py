@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsibr.methods.rsibr.half_vector_map import angle_per_length, facet_normal, facet_point, facet_texels
+from rsibr.methods.rsibr.half_vector_map import angle_per_length, half_vector, half_vector_point, half_vector_texels
 from tests.arrays import point, to_numpy, unit_vectors, vector
 
 
@@ -13,15 +13,15 @@ def in_disk(rng, count, radius=1.0):
 
 
 def normals(p):
-    return to_numpy(facet_normal(point(p))).T
+    return to_numpy(half_vector(point(p))).T
 
 
 def test_normal_and_point_are_inverse_both_ways(rng):
     n = unit_vectors(rng, 10_000)
     n[:, 2] = np.abs(n[:, 2])
-    assert np.abs(to_numpy(facet_normal(facet_point(vector(n)))).T - n).max() < 4e-7
+    assert np.abs(to_numpy(half_vector(half_vector_point(vector(n)))).T - n).max() < 4e-7
     p = in_disk(rng, 10_000, 1.2)  # a little beyond the rim too: images have a border
-    assert np.abs(to_numpy(facet_point(facet_normal(point(p)))).T - p).max() < 6e-7
+    assert np.abs(to_numpy(half_vector_point(half_vector(point(p)))).T - p).max() < 6e-7
 
 
 def test_the_unit_disk_holds_the_facets_that_face_the_viewer():
@@ -45,9 +45,9 @@ def test_its_factor_halves_from_the_middle_to_the_rim():
 
 
 def test_texel_centres_have_row_zero_at_the_top_and_a_border_around():
-    p = to_numpy(facet_texels(4)).T.reshape(4, 4, 2)
+    p = to_numpy(half_vector_texels(4)).T.reshape(4, 4, 2)
     assert p[0, 0] == pytest.approx([-0.75, 0.75])
     assert p[3, 1] == pytest.approx([-0.25, -0.75])
-    framed = to_numpy(facet_texels(4, border=1)).T.reshape(6, 6, 2)
+    framed = to_numpy(half_vector_texels(4, border=1)).T.reshape(6, 6, 2)
     assert np.array_equal(framed[1:-1, 1:-1], p)
     assert framed[0, 5] == pytest.approx([1.25, 1.25])

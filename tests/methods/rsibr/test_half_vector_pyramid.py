@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from rsibr.geometry.frame import view_frame
-from rsibr.light.environment_pyramid import LightStack
-from rsibr.methods.rsibr.cosine_table import AngleTable
-from rsibr.methods.rsibr.half_vector_map import facet_point, facet_texels
+from rsibr.light.environment_pyramid import EnvironmentPyramid
+from rsibr.methods.rsibr.cosine_table import CosineTable
+from rsibr.methods.rsibr.half_vector_map import half_vector_point, half_vector_texels
 from rsibr.methods.rsibr.half_vector_pyramid import (
     LEVELS,
     balance,
@@ -26,7 +26,7 @@ VIEW = np.array([1.0, 2.0, 3.0])
 
 def weights(levels):
     """Tables that give each level one weight at all angles."""
-    return [AngleTable.of(np.tile([w, w, w, 1.0], (5, 1))) for w in levels]
+    return [CosineTable.of(np.tile([w, w, w, 1.0], (5, 1))) for w in levels]
 
 
 def facet_light(light, levels):
@@ -36,7 +36,7 @@ def facet_light(light, levels):
 
 
 def at(texels, n):
-    return to_numpy(lookup(texels, G, facet_point(vector(n)))).T[:, :3]
+    return to_numpy(lookup(texels, G, half_vector_point(vector(n)))).T[:, :3]
 
 
 def cap(rng, count, least):
@@ -60,7 +60,7 @@ def test_texels_span_the_angle_that_two_neighbours_are_apart():
 
 
 def test_a_lookup_gives_texels_back_and_is_linear_between():
-    p = to_numpy(facet_texels(G, border=1)).T
+    p = to_numpy(half_vector_texels(G, border=1)).T
     texels = mi.Float(
         np.stack([p[:, 0], p[:, 1], p[:, 0] - 2 * p[:, 1], 1 + 0 * p[:, 0]], axis=1).astype(np.float32).ravel()
     )
@@ -71,7 +71,7 @@ def test_a_lookup_gives_texels_back_and_is_linear_between():
 
 
 def test_an_even_light_stays_even_at_every_level_up_to_the_rim(rng):
-    light = LightStack.of(np.full((64, 64, 3), 2.5, np.float32))
+    light = EnvironmentPyramid.of(np.full((64, 64, 3), 2.5, np.float32))
     shares = np.array([0.1, 0.3, 0.05, 0.2, 0.35])
     assert np.abs(at(facet_light(light, shares), cap(rng, 2000, 0.0)) / 2.5 - 1).max() < 2e-6
 
@@ -84,7 +84,7 @@ def test_a_level_is_as_blurred_as_it_says(level, degree):
     Its second moment is all that counts where the blur is narrow; a wide one sees it to an angle of 60°.
     """
     axis = view_frame(VIEW)[:, 2]
-    light = LightStack.of(picture(lambda d: 1 + 0.5 * legendre(degree, d @ axis)))
+    light = EnvironmentPyramid.of(picture(lambda d: 1 + 0.5 * legendre(degree, d @ axis)))
     found = at(facet_light(light, np.arange(LEVELS) == level), np.array([[0.0, 0.0, 1.0]]))[0]
     variance = 4 * level_variances()[level] * float(texel_angle(G, np.array(0.0))) ** 2
     damping = np.exp(-degree * (degree + 1) * variance / 2)
@@ -107,7 +107,9 @@ def test_widths_double_from_level_to_level():
 
 def test_levels_add_up(rng):
     """A weighted sum of levels is the sum of what each gives."""
-    light = LightStack.of(picture(lambda d: 1 + d @ np.array([[0.3, 0.1, -0.4], [0.2, 0.5, 0.0], [-0.1, 0.0, 0.6]])))
+    light = EnvironmentPyramid.of(
+        picture(lambda d: 1 + d @ np.array([[0.3, 0.1, -0.4], [0.2, 0.5, 0.0], [-0.1, 0.0, 0.6]]))
+    )
     shares, n = np.array([0.4, 0.0, 1.5, 0.2, 0.7]), cap(rng, 500, 0.0)
     together = at(facet_light(light, shares), n)
     apart = sum(share * at(facet_light(light, np.arange(LEVELS) == k), n) for k, share in enumerate(shares))
@@ -117,11 +119,11 @@ def test_levels_add_up(rng):
 
 def test_a_lean_looks_toward_the_middle():
     """The factor on the radius: with one half the light at a facet is that of the facet half as far out."""
-    light = LightStack.of(picture(lambda d: 1 + 0.5 * d[:, 0] + 0.3 * d[:, 1]))
+    light = EnvironmentPyramid.of(picture(lambda d: 1 + 0.5 * d[:, 0] + 0.3 * d[:, 1]))
     frame = mi.Matrix3f(view_frame(VIEW).astype(np.float32))
     one = np.array([[1.0, 1.0, 1.0]])
     half, whole = (
-        [AngleTable.of(np.hstack([(k == 0) * one, [[factor]]]).repeat(5, axis=0)) for k in range(LEVELS)]
+        [CosineTable.of(np.hstack([(k == 0) * one, [[factor]]]).repeat(5, axis=0)) for k in range(LEVELS)]
         for factor in (0.5, 1.0)
     )
     p = np.array([[0.6, 0.2], [-0.3, 0.7], [0.1, -0.8]])

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from rsibr.geometry.frame import view_frame
-from rsibr.light.environment_pyramid import LightStack
+from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.lobes.basis import LAMBERT
 from rsibr.lobes.fit import ProxyLobe
-from rsibr.lobes.gaussians import LobeKernel
-from rsibr.methods.rsibr.lobe_integral import LobeModel
+from rsibr.lobes.gaussians import LobeShape
+from rsibr.methods.rsibr.lobe_integral import LobeIntegral
 from tests.arrays import to_numpy, unit_vectors, vector
 from tests.light.test_environment_pyramid import picture
 from tests.microfacet import by_quadrature, coated_ggx, ggx, metal, pairs, schlick, soft_sky
@@ -18,34 +18,34 @@ from tests.microfacet import by_quadrature, coated_ggx, ggx, metal, pairs, schli
 PLAIN = np.ones((1, 3))
 COATED = np.array([[0.0] * 3, [0.0] * 3, [1.0] * 3])
 KERNELS = {
-    "mirror": LobeKernel.mirror(),
-    "metal": LobeKernel.of(ProxyLobe((0.1,), (PLAIN,))),
-    "smooth metal": LobeKernel.of(ProxyLobe((0.01,), (PLAIN,))),
-    "Fresnel's metal": LobeKernel.of(ProxyLobe((0.05, 0.2), (np.array([[0.04] * 3, [0.96] * 3]), 0.3 * COATED))),
-    "coated": LobeKernel.of(ProxyLobe((0.3,), (COATED,))),
-    "matte": LobeKernel.of(ProxyLobe((LAMBERT,), (np.array([[0.5, 0.2, 0.0], [0.1, 0.0, 0.3]]),))),
+    "mirror": LobeShape.mirror(),
+    "metal": LobeShape.of(ProxyLobe((0.1,), (PLAIN,))),
+    "smooth metal": LobeShape.of(ProxyLobe((0.01,), (PLAIN,))),
+    "Fresnel's metal": LobeShape.of(ProxyLobe((0.05, 0.2), (np.array([[0.04] * 3, [0.96] * 3]), 0.3 * COATED))),
+    "coated": LobeShape.of(ProxyLobe((0.3,), (COATED,))),
+    "matte": LobeShape.of(ProxyLobe((LAMBERT,), (np.array([[0.5, 0.2, 0.0], [0.1, 0.0, 0.3]]),))),
 }
 
 
 @pytest.fixture(scope="module")
 def light():
     image = picture(soft_sky, 256)
-    return LightStack.of(image), Light(image)
+    return EnvironmentPyramid.of(image), Light(image)
 
 
 @pytest.fixture(scope="module")
 def even():
     image = np.full((64, 64, 3), 2.5, np.float32)
-    return LightStack.of(image), Light(image)
+    return EnvironmentPyramid.of(image), Light(image)
 
 
 def at_points(kernel, light, n, v):
-    return to_numpy(LobeModel.of(kernel, *light).radiance(vector(n), vector(v))).T
+    return to_numpy(LobeIntegral.of(kernel, *light).radiance(vector(n), vector(v))).T
 
 
 def in_map(kernel, light, n, frame, spacing):
     """As a map is made, at normals (K, 3) in the map's frame."""
-    model, matrix = LobeModel.of(kernel, *light), mi.Matrix3f(frame.astype(np.float32))
+    model, matrix = LobeIntegral.of(kernel, *light), mi.Matrix3f(frame.astype(np.float32))
     grid = model.grid(matrix) if model.has_grid else None
     return to_numpy(model.radiance_in_map(vector(n), matrix, grid, mi.Float(spacing))).T
 
@@ -83,7 +83,7 @@ def error(found, exact):
 def test_a_metal_is_that_of_brute_force(alpha, light, rng):
     n, v = pairs(rng, 60)
     radiance, albedo = metal(soft_sky, n, v, alpha)
-    kernel = LobeKernel.of(ProxyLobe((alpha,), (PLAIN,)))
+    kernel = LobeShape.of(ProxyLobe((alpha,), (PLAIN,)))
     mean, largest = error(at_points(kernel, light, n, v), radiance / albedo[:, None])
     assert mean < 0.01
     assert largest < 0.06
@@ -93,7 +93,7 @@ def test_fresnel_is_weighed_facet_by_facet(light, rng):
     """A dielectric's lobe: grazing facets count more, and they look elsewhere."""
     n, v = pairs(rng, 40)
     radiance, albedo = metal(soft_sky, n, v, 0.1, lambda toward: 0.04 + 0.96 * schlick(toward))
-    kernel = LobeKernel.of(ProxyLobe((0.1,), (np.array([[0.04] * 3, [0.96] * 3]),)))
+    kernel = LobeShape.of(ProxyLobe((0.1,), (np.array([[0.04] * 3, [0.96] * 3]),)))
     mean, largest = error(at_points(kernel, light, n, v), radiance / albedo[:, None])
     assert mean < 0.015
     assert largest < 0.08
@@ -117,7 +117,7 @@ def test_flakes_under_a_coat_are_those_of_brute_force(light, flakes):
 def test_a_coat_makes_a_difference(light, flakes):
     """Negative control: without it the same flakes are far off."""
     n, v, exact = flakes
-    bare = LobeKernel.of(ProxyLobe((0.3,), (PLAIN,)))
+    bare = LobeShape.of(ProxyLobe((0.3,), (PLAIN,)))
     assert error(at_points(bare, light, n, v), exact)[0] > 0.05
 
 
@@ -130,7 +130,7 @@ def test_flakes_with_and_without_a_coat_are_mixed_as_they_are_seen(light):
 
     radiance, albedo = by_quadrature(soft_sky, n, v, mixed, rows=300, columns=600)
     plain, coated = np.array([[0.2] * 3]), np.array([[0.0] * 3, [0.0] * 3, [1.0] * 3])
-    kernel = LobeKernel.of(ProxyLobe((0.12, 0.5), (plain, coated)))
+    kernel = LobeShape.of(ProxyLobe((0.12, 0.5), (plain, coated)))
     mean, largest = error(at_points(kernel, light, n, v), radiance / albedo[:, None])
     assert mean < 0.021
     assert largest < 0.12
@@ -149,7 +149,7 @@ def test_a_map_is_made_of_the_same_light_as_its_points(name, light, rng):
 
 def test_a_matte_lobe_shows_the_irradiance_whatever_the_view(light, rng):
     n, v = pairs(rng, 50)
-    model = LobeModel.of(KERNELS["matte"], *light)
+    model = LobeIntegral.of(KERNELS["matte"], *light)
     first = to_numpy(model.radiance(vector(n), vector(v)))
     assert np.array_equal(first, to_numpy(model.radiance(vector(n), vector(n))))
     assert not model.has_grid

@@ -6,7 +6,7 @@ import pytest
 from rsibr.lobes.albedo import node_cosines
 from rsibr.lobes.facet_moments import NODES, cosines, facet_moments
 from rsibr.lobes.fit import ProxyLobe
-from rsibr.lobes.gaussians import Gaussians, LobeKernel
+from rsibr.lobes.gaussians import Gaussians, LobeShape
 from rsibr.methods.rsibr.half_vector_pyramid import LEVELS, level_variances, texel_angle
 from rsibr.methods.rsibr.lobe_weights import albedo_at_nodes, lobe_weights
 
@@ -16,11 +16,11 @@ NOTHING = Gaussians(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 
 def one_gaussian(sigma):
     one = np.ones((1, 3))
-    return LobeKernel(sigma, Gaussians(np.array([sigma]), one, 0 * one), NOTHING, np.zeros((2, 3)))
+    return LobeShape(sigma, Gaussians(np.array([sigma]), one, 0 * one), NOTHING, np.zeros((2, 3)))
 
 
 def ggx(alpha):
-    return LobeKernel.of(ProxyLobe((alpha,), (np.ones((1, 3)),)))
+    return LobeShape.of(ProxyLobe((alpha,), (np.ones((1, 3)),)))
 
 
 def albedo_table():
@@ -33,7 +33,7 @@ LOBES = {
     "narrow": [(ggx(0.005), albedo_table())],
     "rough": [(ggx(0.2), albedo_table())],
     "coat over flakes": [(ggx(0.015), albedo_table()), (ggx(0.3), 0.5 * albedo_table())],
-    "mirror": [(LobeKernel.mirror(), albedo_table())],
+    "mirror": [(LobeShape.mirror(), albedo_table())],
 }
 
 

@@ -8,14 +8,14 @@ from rsibr.geometry.frame import view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.geometry.spherical import gnomonic_weights
 from rsibr.geometry.viewpoints import icosphere
-from rsibr.light.environment_pyramid import LightStack
+from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.lobes.albedo import node_cosines
 from rsibr.lobes.fit import ProxyLobe
-from rsibr.lobes.gaussians import LobeKernel
+from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.protocol import Cost
 from rsibr.methods.rsibr.lobe_albedo import LobeAlbedo
-from rsibr.methods.rsibr.lobe_integral import LobeModel
+from rsibr.methods.rsibr.lobe_integral import LobeIntegral
 from rsibr.methods.rsibr.residual_method import FineMethod, PrefilteredMethod
 from rsibr.methods.rsibr.residual_transport import carried, within_reach
 from rsibr.methods.rsibr.rsibr import PrefilteredLobes
@@ -28,7 +28,7 @@ from tests.methods.scene import image, inside, mirror_sphere, sky
 
 N = 48
 ALBEDO = (0.1 + 0.5 * node_cosines())[:, None] * np.ones(3)
-METAL = LobeKernel.of(ProxyLobe((0.1,), (np.ones((1, 3)),)))
+METAL = LobeShape.of(ProxyLobe((0.1,), (np.ones((1, 3)),)))
 
 
 def maps(images, frames):
@@ -41,10 +41,10 @@ def modelled(kind, light):
     views = icosphere(0)
     frames = [view_frame(d) for d in views.directions]
     stored = [mirror_sphere(frame, N) for frame in frames]
-    stack = LightStack.of(light)
+    stack = EnvironmentPyramid.of(light)
     common = ("test", views, maps(stored, frames), triangle_mix(gnomonic_weights), MirrorWarp.between, Cost(0.0, 0))
     if kind == "fine":
-        model = LobeModel.of(METAL, stack, Light(light))
+        model = LobeIntegral.of(METAL, stack, Light(light))
         made = FineMethod(*common, albedo=LobeAlbedo.of(ALBEDO), lobes=[(model, LobeAlbedo.of(ALBEDO))])
     else:
         made = PrefilteredMethod(

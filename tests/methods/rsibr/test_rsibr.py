@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from rsibr.geometry.frame import view_frame
-from rsibr.light.environment_pyramid import LightStack
+from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.lobes.albedo import node_cosines
 from rsibr.lobes.basis import LAMBERT
 from rsibr.lobes.fit import ProxyLobe
-from rsibr.lobes.gaussians import LobeKernel
+from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.rsibr.rsibr import PrefilteredLobes
 from tests.arrays import to_numpy, vector
 from tests.light.test_environment_pyramid import picture
@@ -21,18 +21,18 @@ N = 96
 FRAME = view_frame([0.3, -0.5, 0.8])
 ONE = np.ones((len(node_cosines()), 3))
 KERNELS = {
-    "mirror": LobeKernel.mirror(),
-    "narrow": LobeKernel.of(ProxyLobe((0.01,), (PLAIN,))),
-    "metal": LobeKernel.of(ProxyLobe((0.1,), (PLAIN,))),
-    "coated": LobeKernel.of(ProxyLobe((0.3,), (COATED,))),
-    "matte": LobeKernel.of(ProxyLobe((LAMBERT,), (np.array([[0.5, 0.2, 0.0], [0.1, 0.0, 0.3]]),))),
+    "mirror": LobeShape.mirror(),
+    "narrow": LobeShape.of(ProxyLobe((0.01,), (PLAIN,))),
+    "metal": LobeShape.of(ProxyLobe((0.1,), (PLAIN,))),
+    "coated": LobeShape.of(ProxyLobe((0.3,), (COATED,))),
+    "matte": LobeShape.of(ProxyLobe((LAMBERT,), (np.array([[0.5, 0.2, 0.0], [0.1, 0.0, 0.3]]),))),
 }
 
 
 @pytest.fixture(scope="module")
 def light():
     image = picture(soft_sky, 256)
-    return LightStack.of(image), Light(image)
+    return EnvironmentPyramid.of(image), Light(image)
 
 
 def radiance(lobes, light, n, resolution=N):
@@ -46,7 +46,7 @@ def of_even_light(names, n):
     image = np.full((64, 64, 3), 2.5, np.float32)
     shares = np.array([[0.7, 0.4, 0.1], [0.04, 0.05, 0.06], [0.3, 0.2, 0.5]])[: len(names)]
     lobes = [(KERNELS[name], share * ONE) for name, share in zip(names, shares, strict=True)]
-    return radiance(lobes, (LightStack.of(image), Light(image)), n) / (2.5 * shares.sum(axis=0))
+    return radiance(lobes, (EnvironmentPyramid.of(image), Light(image)), n) / (2.5 * shares.sum(axis=0))
 
 
 @pytest.mark.parametrize("names", [["mirror"], ["metal"], ["coated"], ["matte"], ["matte", "mirror", "coated"]])
@@ -68,7 +68,7 @@ def test_an_albedo_of_the_angle_is_followed(rng):
     image = np.ones((64, 64, 3), np.float32)
     table = (0.05 + 0.95 * (1 - node_cosines()) ** 5)[:, None] * ONE
     n = disk_normals(rng, 2000, 0.995)
-    found = radiance([(KERNELS["metal"], table)], (LightStack.of(image), Light(image)), n)[:, 0]
+    found = radiance([(KERNELS["metal"], table)], (EnvironmentPyramid.of(image), Light(image)), n)[:, 0]
     exact = 0.05 + 0.95 * (1 - n[:, 2]) ** 5
     assert np.abs(found / exact - 1).max() < 0.02
     assert np.abs(found / exact - 1).mean() < 4e-3
@@ -88,7 +88,7 @@ def against(kernel, brute_force, light, rng, rim=0.9):
 
 @pytest.mark.parametrize("alpha", [0.03, 0.1, 0.3])
 def test_a_metal_is_nearly_that_of_brute_force(alpha, light, rng):
-    kernel = LobeKernel.of(ProxyLobe((alpha,), (PLAIN,)))
+    kernel = LobeShape.of(ProxyLobe((alpha,), (PLAIN,)))
     error = against(kernel, lambda sky, n, v: metal(sky, n, v, alpha), light, rng)
     assert error.mean() < 0.03
     assert error.max() < 0.25

@@ -14,8 +14,8 @@ from rsibr.methods.protocol import Cost
 from rsibr.methods.reconstruction import reconstruct
 from rsibr.methods.registry import MethodSet
 from rsibr.methods.warp_blend.blend import triangle_mix
-from rsibr.methods.warp_blend.footprint_covariance import Footprint
-from rsibr.methods.warp_blend.lobe_warp import Corrections, LobedMethod, LobeGroup, LobeMaps, LobeWarps
+from rsibr.methods.warp_blend.footprint_covariance import MirrorFootprint
+from rsibr.methods.warp_blend.lobe_warp import Corrections, LobeGroup, LobeMaps, LobeWarpMethod, LobeWarps
 from rsibr.methods.warp_blend.source_maps import SourceMaps
 from tests.arrays import to_numpy, unit_vectors, vector
 from tests.methods.scene import image, inside, method, mirror_sphere, normals, sky
@@ -47,7 +47,7 @@ def lobed(spheres, resolution=N, corrections=None):
     mix = triangle_mix(gnomonic_weights)
     common = ("rsibr", views, lobes[0].sources, mix, LobeWarps.between, Cost(0.0, 0))
     groups = [LobeGroup(views.on_device, lobes)]
-    return LobedMethod(*common, groups=groups, corrections=corrections or Corrections())
+    return LobeWarpMethod(*common, groups=groups, corrections=corrections or Corrections())
 
 
 @pytest.mark.parametrize("view", [[1, 2, 3], [0, 1, 0], [-0.3, 0.2, -0.9]])
@@ -116,7 +116,7 @@ def test_footprints_differ_as_their_covariances_do(rng):
         return a[:, :, None] * a[:, None, :] + (cosine**2)[:, None, None] * b[:, :, None] * b[:, None, :]
 
     wanted = covariance(np.tile([0.0, 0.0, 1.0], (200, 1)), n[:, 2]) - covariance(stored, stored_cosine)
-    axes = Footprint.at(vector(n)).axes_toward(vector(stored), stored_cosine.astype(np.float32))
+    axes = MirrorFootprint.at(vector(n)).axes_toward(vector(stored), stored_cosine.astype(np.float32))
     got = sum(
         to_numpy(value)[:, None, None] * (to_numpy(e).T[:, :, None] * to_numpy(e).T[:, None, :]) for e, value in axes
     )
