@@ -15,8 +15,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsibr.budget.choose import bake as bake
-    from rsibr.budget.choose import plan as plan
+    from rsibr.budget.bake import bake as bake
+    from rsibr.budget.bake import plan as plan
     from rsibr.methods.reconstruction import reconstruct as reconstruct
     from rsibr.methods.registry import METHODS as METHODS
     from rsibr.scene.config import load_config as load_config
@@ -29,11 +29,11 @@ __version__ = "0.1.0"
 
 _HOME = {
     "METHODS": "rsibr.methods.registry",
-    "bake": "rsibr.budget.choose",
+    "bake": "rsibr.budget.bake",
     "check": "rsibr.validation.health.check",
     "load_config": "rsibr.scene.config",
     "open_bake": "rsibr.store.bake",
-    "plan": "rsibr.budget.choose",
+    "plan": "rsibr.budget.bake",
     "reconstruct": "rsibr.methods.reconstruction",
     "study": "rsibr.studies.runner",
     "validate": "rsibr.validation.validation",

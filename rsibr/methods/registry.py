@@ -27,10 +27,10 @@ from rsibr.methods.warp_blend.blend import Mix, nearest_mix, triangle_mix
 from rsibr.methods.warp_blend.lobe_warp import Corrections, LobeGroup, LobeMaps, LobeWarpMethod, LobeWarps
 from rsibr.methods.warp_blend.source_maps import SourceMaps
 from rsibr.methods.warp_blend.warp import WARPS, MirrorWarp, NoWarp, WarpBetween
-from rsibr.store.bake import Bake
 from rsibr.store.layers import layer_of
 from rsibr.store.manifest import LobeRecord
 from rsibr.store.map_file import MapFile
+from rsibr.store.stored_maps import StoredMaps
 
 _Modelled = TypeVar("_Modelled", bound=ResidualMethod)
 
@@ -58,11 +58,11 @@ class MethodSet:
 
     Parameters
     ----------
-    bake : Bake
-        A finished bake.
+    bake : StoredMaps
+        A finished bake, or what stands in for one.
     """
 
-    def __init__(self, bake: Bake) -> None:
+    def __init__(self, bake: StoredMaps) -> None:
         backend.use()
         maps = [bake.map(index) for index in range(bake.view_count)]
         self._maps = maps
@@ -232,7 +232,7 @@ class MethodSet:
         return SourceMaps.from_arrays(np.stack(images), coverage, frames)
 
 
-def available(bake: Bake) -> tuple[str, ...]:
+def available(bake: StoredMaps) -> tuple[str, ...]:
     """Names of the methods that a bake has all for: those of 1999 need its views, and ours its lobes and its light."""
     modelled = bake.manifest.lobes and bake.manifest.light is not None
     of_views, of_light = tuple(_RECIPES), tuple(name for name in METHODS if name not in _RECIPES)

@@ -12,31 +12,31 @@ from rsibr.methods.protocol import MeshMethod, Method
 from rsibr.methods.registry import MethodSet
 from rsibr.methods.rsibr.residual_method import ResidualMethod
 from rsibr.methods.warp_blend.blend import triangle_mix
-from rsibr.store.bake import Bake
 from rsibr.store.health import LARGEST_HALF
 from rsibr.store.map_file import MapFile
+from rsibr.store.stored_maps import AlteredMaps, StoredMaps
+from rsibr.studies.agenda import OWN_WEIGHTS, Variant
 from rsibr.studies.axes import mesh_of
-from rsibr.studies.plan import OWN_WEIGHTS, Variant
 
 _WEIGHTS = {"area": area_weights, "gnomonic": gnomonic_weights}
 _FLOAT_BYTES = {"float32": 4, "float16": 2}
 
 
-class HalfBake(Bake):
+def half_maps(bake: StoredMaps) -> AlteredMaps:
     """A bake whose radiance is rounded to float16; what exceeds the largest half is held at it.
 
     The kernels still read float32: error and bytes are those of half floats, the time is not.
     """
 
-    def map(self, index: int) -> MapFile:
-        """See `Bake.map`."""
-        stored = super().map(index)
+    def rounded(_index: int, stored: MapFile) -> MapFile:
         return replace(stored, layers={name: _half(image) for name, image in stored.layers.items()})
 
+    return AlteredMaps.of(bake, rounded)
 
-def opened_at(bake: Bake, precision: str) -> Bake:
+
+def opened_at(bake: StoredMaps, precision: str) -> StoredMaps:
     """Return the bake with its maps at a precision, "float32" or "float16"."""
-    return HalfBake(bake.path, bake.manifest) if precision == "float16" else bake
+    return half_maps(bake) if precision == "float16" else bake
 
 
 def variant_of(methods: MethodSet, variant: Variant) -> Method:
@@ -51,7 +51,7 @@ def variant_of(methods: MethodSet, variant: Variant) -> Method:
     return MeshMethod(name, method.viewpoints, method.sources, method.mix, method.warp, cost, mesh=mesh)
 
 
-def bytes_read(bake: Bake, method: Method, precision: str) -> int:
+def bytes_read(bake: StoredMaps, method: Method, precision: str) -> int:
     """Size of what a method reads [bytes], in memory: three channels a texel of each map, and the light if it does."""
     maps = 3 * _FLOAT_BYTES[precision] * bake.view_count * bake.resolution**2
     return maps + bake.light.nbytes if isinstance(method, ResidualMethod) else maps

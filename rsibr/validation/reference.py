@@ -101,11 +101,19 @@ class ReferenceRenderer:
         Texels a side.
     rendering : {"rgb", "spectral", "spectral_polarized"}
         What Mitsuba carries along its paths. Its film turns spectra into linear RGB by itself.
+    max_lanes : int
+        Samples of one kernel launch at most.
     """
 
     def __init__(
-        self, environment: Emitting, material: Reflecting, resolution: int, rendering: Rendering = "rgb"
+        self,
+        environment: Emitting,
+        material: Reflecting,
+        resolution: int,
+        rendering: Rendering = "rgb",
+        max_lanes: int = LANES_PER_LAUNCH,
     ) -> None:
+        self.max_lanes = max_lanes
         self.resolution = resolution
         self.rendering = rendering
         with backend.rendering(rendering):
