@@ -30,7 +30,12 @@ class Between:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Return the schema that pydantic checks the field by."""
         number = core_schema.int_schema(strict=True, ge=self.least, le=self.most)
-        return core_schema.no_info_wrap_validator_function(_number_or_auto, number)
+        as_it_is = core_schema.plain_serializer_function_ser_schema(_as_it_is)
+        return core_schema.no_info_wrap_validator_function(_number_or_auto, number, serialization=as_it_is)
+
+
+def _as_it_is(value: int | Auto) -> int | Auto:
+    return value
 
 
 def _number_or_auto(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:

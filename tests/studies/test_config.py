@@ -9,9 +9,9 @@ import pytest
 
 from rsibr.errors import InputError
 from rsibr.resources import configs
+from rsibr.studies.agenda import BakeSize, Variant, agenda_of
 from rsibr.studies.axes import mesh_of
 from rsibr.studies.config import load_study, parse_study
-from rsibr.studies.agenda import BakeSize, Variant, agenda_of
 
 BASE: dict[str, Any] = {
     "environment": {"emitter": {"type": "constant"}},
@@ -93,7 +93,9 @@ def test_the_small_study_that_ships_is_whole():
 
 
 def test_a_plan_holds_every_bake_and_every_picture_once():
-    plan = agenda_of(study({"samples": [4, 16]}, {"samples": [16], "method": ["rsibr", "blend"], "subdivision": [0, 1]}))
+    plan = agenda_of(
+        study({"samples": [4, 16]}, {"samples": [16], "method": ["rsibr", "blend"], "subdivision": [0, 1]})
+    )
     own = [Variant("cabral1999", "texel", "area", "float32"), Variant("rsibr", "texel", "gnomonic", "float32")]
     blend = Variant("blend", "texel", "area", "float32")
     assert plan == {
