@@ -15,10 +15,10 @@ from rsibr.baking.baked_costs import baked_costs
 from rsibr.baking.blocks import Blocks, estimate
 from rsibr.baking.finished import DECISIVE, finished_bake, package_versions
 from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.lobe_record import lobe_record
 from rsibr.baking.sampling import Sampler, Steering
 from rsibr.baking.scene import Scene
 from rsibr.geometry.viewpoints import Viewpoints
-from rsibr.lobes.split import Lobe
 from rsibr.planning.costs import priced
 from rsibr.planning.plan import Plan
 from rsibr.progress import Progress
@@ -29,10 +29,8 @@ from rsibr.store.layers import layered
 from rsibr.store.manifest import (
     BudgetRecord,
     EnvironmentRecord,
-    LobeRecord,
     Manifest,
     MaterialRecord,
-    ProxyRecord,
     SamplingRecord,
 )
 from rsibr.store.map_file import MapFile
@@ -145,7 +143,7 @@ def plan_manifest(
         variant=scene.variant,
         environment=EnvironmentRecord(name=environment.name, clipped=environment.clipped, lowest=environment.lowest),
         material=MaterialRecord(name=material.name, warp=material.warp, notes=_notes(material, plan)),
-        lobes=tuple(_lobe_record(lobe, plan) for lobe in scene.stored_lobes),
+        lobes=tuple(lobe_record(lobe, plan) for lobe in scene.stored_lobes),
         resolution=scene.resolution,
         directions=viewpoints.directions,
         triangles=viewpoints.triangles,
@@ -153,22 +151,6 @@ def plan_manifest(
         sampling=sampling,
         budget=budget,
     )
-
-
-def _lobe_record(lobe: Lobe, plan: Plan) -> LobeRecord:
-    proxy = lobe.proxy
-    terms = () if proxy is None else zip(proxy.alphas, proxy.coefficients, strict=True)
-    return LobeRecord(
-        name=lobe.name,
-        alpha=lobe.alpha,
-        albedo=_colours(lobe.albedo),
-        proxies=tuple(ProxyRecord(alpha=alpha, coefficients=_colours(values)) for alpha, values in terms),
-        views=next(planned.own_views for planned in plan.lobes if planned.name == lobe.name),
-    )
-
-
-def _colours(values: NDArray[np.float64]) -> tuple[tuple[float, float, float], ...]:
-    return tuple((r, g, b) for r, g, b in values.round(6).tolist())
 
 
 def _notes(material: Material, plan: Plan) -> tuple[str, ...]:

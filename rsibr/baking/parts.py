@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
@@ -16,6 +16,7 @@ from rsibr.baking.integrator import EstimateOptions, SphereIntegrator
 from rsibr.baking.pilot import sampling_ratio
 from rsibr.light.radiance import Light, light_of
 from rsibr.lobes.adaptation import adapted_lobes
+from rsibr.lobes.gaussians import LobeShape
 from rsibr.lobes.split import Lobe, LobeSplit
 from rsibr.planning.planner import Probes, probe_scene
 from rsibr.scene.config import Config
@@ -95,13 +96,26 @@ class SceneParts:
 
         return self._once(("lobes", rendering), adapted, "rgb")
 
-    def light(self, rendering: Rendering, with_image: bool) -> Light:
-        """The light that models of the lobes are made from; see `rsibr.light.radiance.light_of`.
+    def light(self, rendering: Rendering, with_image: bool, shapes: Mapping[str, LobeShape]) -> Light:
+        """The light with what lobes look up in it; see `rsibr.light.radiance.Light`.
 
         An image is RGB from the start, whatever the maps are rendered in.
+
+        Parameters
+        ----------
+        rendering : Rendering
+            Of the maps.
+        with_image : bool
+            Whether the environment's own image is kept; see `light_of`.
+        shapes : dict of str to LobeShape
+            Shape of each stored lobe, by its name.
         """
         kind: Rendering = "rgb" if self.environment.width else rendering
-        return self._once(("light", kind, with_image), lambda: light_of(self.environment, with_image), kind)
+        bare = self._once(("light", kind, with_image), lambda: light_of(self.environment, with_image), kind)
+        matte = [shape.matte for shape in shapes.values() if shape.is_matte]
+        glossy = any(not shape.is_matte and not shape.is_mirror for shape in shapes.values())
+        key = ("tables", kind, rendering, with_image, *shapes)
+        return self._once(key, lambda: bare.with_tables(glossy=glossy, matte=matte), "rgb")
 
     def integrator(
         self,

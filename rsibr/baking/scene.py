@@ -14,6 +14,7 @@ from rsibr import backend
 from rsibr.backend import Rendering
 from rsibr.baking.blocks import block_sizes
 from rsibr.baking.integrator import EstimateOptions, SphereIntegrator
+from rsibr.baking.lobe_record import lobe_record
 from rsibr.baking.parts import SceneParts
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import Viewpoints, witness
@@ -26,6 +27,7 @@ from rsibr.scene.config import Config, ConfigLike, config_of
 from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material
 from rsibr.scene.views import load_viewpoints
+from rsibr.store.lobe_shape import shape_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +144,9 @@ class Scene:
 
     @property
     def light(self) -> Light:
-        """The light that models of the lobes are made from."""
-        return self.parts.light(self.rendering, with_image=any(lobe.is_mirror for lobe in self.lobes))
+        """The light, with what the stored lobes look up in it."""
+        shapes = {lobe.name: shape_of(lobe_record(lobe, self.plan)) for lobe in self.stored_lobes}
+        return self.parts.light(self.rendering, any(lobe.is_mirror for lobe in self.lobes), shapes)
 
     @cached_property
     def all_around(self) -> Viewpoints:

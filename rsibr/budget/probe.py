@@ -25,14 +25,15 @@ from rsibr.baking.scene import Scene
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.novel_views import novel_views
 from rsibr.geometry.viewpoints import Viewpoints, from_directions, icosphere
+from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
-from rsibr.methods.registry import MethodSet
+from rsibr.methods.registry import default_method
 from rsibr.scene.config import Config, ViewsConfig
 from rsibr.scene.views import load_viewpoints
+from rsibr.store.described_maps import MapsInMemory
 from rsibr.store.manifest import ProbeRecord, SamplingRecord
 from rsibr.store.map_file import MapFile
 from rsibr.store.noise import COVERED, denominator
-from rsibr.store.stored_maps import MapsInMemory
 
 VIEWS = 10
 """New views of a probe: half in the middle of a triangle of stored ones, the places farthest from them, half random."""
@@ -42,8 +43,6 @@ CONFIDENCE = 0.9
 
 JUDGED = 8
 """Views that a promise is held to, as `rsibr validate` takes them."""
-
-METHOD = "rsibr"
 
 _SAMPLES = 16
 _SHARP = 128
@@ -155,7 +154,7 @@ class ProbedScene:
                 self.map(integrator, frame, samples) if index in needed else _seen_from(filler, frame)
                 for index, frame in enumerate(frames)
             )
-            method = MethodSet(MapsInMemory(_NOWHERE, manifest, maps, self._scene.light))[METHOD]
+            method = MethodSet(MapsInMemory(_NOWHERE, manifest, maps, self._scene.light))[default_method()]
             yield [run(method, frame, resolution).image for frame in new]
 
 

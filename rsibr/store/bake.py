@@ -10,11 +10,11 @@ from typing import Any
 from rsibr.errors import BakeError
 from rsibr.light.radiance import Light
 from rsibr.store.atomic import checksum, read_bytes, unreadable
+from rsibr.store.described_maps import DescribedMaps
 from rsibr.store.directory import BAKE_AGAIN, altered, check_file
 from rsibr.store.light_file import LIGHT_NAME, decode_light
 from rsibr.store.manifest import MANIFEST_NAME, read_manifest
 from rsibr.store.map_file import MapFile, decode_map
-from rsibr.store.stored_maps import DescribedMaps
 from rsibr.store.writer import BakeWriter
 
 __all__ = ["Bake", "BakeWriter", "open_bake"]

@@ -1,10 +1,7 @@
-"""The maps of views, wherever they come from: a bake on the disk, a probe in memory, or altered copies of either."""
+"""What a method reads of a bake: the same of one on disk, of maps in memory, and of a bake with altered maps."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
@@ -18,161 +15,63 @@ from rsibr.store.map_file import MapFile
 
 
 class StoredMaps(Protocol):
-    """What a method asks of the maps that it looks up."""
+    """Maps of stored views with their manifest and light; `Bake` is the one on disk, see there for each member."""
 
     @property
     def path(self) -> Path:
-        """Where they lie, as errors name it."""
+        """Directory, or a name that stands for it in messages."""
+        ...
 
     @property
     def manifest(self) -> Manifest:
-        """What they were made from, and with what."""
+        """What the maps were made from."""
+        ...
 
     @property
     def view_count(self) -> int:
-        """Number of views."""
+        """Count of stored views."""
+        ...
 
     @property
     def has_views(self) -> bool:
-        """Whether there are views all around."""
+        """Whether there are views all around, with triangles between them."""
+        ...
 
     @property
     def resolution(self) -> int:
-        """Texels along each side of a map."""
+        """Texels a side of a map."""
+        ...
 
     @property
     def rendering(self) -> Rendering:
         """What was carried along a path."""
+        ...
 
     @property
     def seconds(self) -> float:
-        """Time that all views together took to bake [s]."""
+        """Time that the bake took [s]."""
+        ...
 
     @property
     def bytes(self) -> int:
-        """Size of all maps together [bytes]."""
+        """Size of maps and light [bytes]."""
+        ...
 
     @property
     def directions(self) -> NDArray[np.float64]:
-        """Unit view vectors, shape (V, 3), in the order of the maps."""
+        """Unit view vectors, shape (V, 3)."""
+        ...
 
     @property
     def triangles(self) -> NDArray[np.int64]:
         """Triangulation of the directions, shape (M, 3)."""
+        ...
 
     @property
     def light(self) -> Light:
-        """The light that the model of each lobe is made from."""
+        """The distant light."""
+        ...
 
     def map(self, index: int) -> MapFile:
-        """Return the map of one view."""
-
-
-@dataclass(frozen=True, eq=False)
-class DescribedMaps:
-    """All that a manifest says of its maps; the base of what holds them.
-
-    Attributes
-    ----------
-    path : Path
-        Where they lie, as errors name it.
-    manifest : Manifest
-        What they were made from, and with what.
-    """
-
-    path: Path
-    manifest: Manifest
-
-    @property
-    def view_count(self) -> int:
-        """Number of stored views."""
-        return len(self.manifest.views)
-
-    @property
-    def has_views(self) -> bool:
-        """Whether there are views all around; a bake whose lobes all have closed forms holds one map alone."""
-        return len(self.manifest.triangles) > 0
-
-    @property
-    def resolution(self) -> int:
-        """Texels along each side of a map."""
-        return self.manifest.resolution
-
-    @property
-    def rendering(self) -> Rendering:
-        """What was carried along a path; RGB in bakes older than plans."""
-        return self.manifest.plan.rendering if self.manifest.plan else "rgb"
-
-    @property
-    def seconds(self) -> float:
-        """Time that all views together took to bake [s]."""
-        return self.manifest.seconds
-
-    @property
-    def bytes(self) -> int:
-        """Size of all maps together [bytes]."""
-        return self.manifest.size
-
-    @cached_property
-    def directions(self) -> NDArray[np.float64]:
-        """Unit view vectors, shape (V, 3), in the order of the maps; read-only."""
-        directions = np.array(self.manifest.directions, np.float64)
-        directions.setflags(write=False)
-        return directions
-
-    @cached_property
-    def triangles(self) -> NDArray[np.int64]:
-        """Triangulation of the directions, shape (M, 3), indices into them; read-only."""
-        triangles = np.array(self.manifest.triangles, np.int64).reshape(-1, 3)
-        triangles.setflags(write=False)
-        return triangles
-
-
-@dataclass(frozen=True, eq=False)
-class MapsInMemory(DescribedMaps):
-    """Maps that were never written.
-
-    Attributes
-    ----------
-    maps : tuple of MapFile
-        One of each view of the manifest.
-    light : Light
-        The light that the model of each lobe is made from.
-    """
-
-    maps: tuple[MapFile, ...]
-    light: Light
-
-    def map(self, index: int) -> MapFile:
-        """Return the map of one view."""
-        return self.maps[index]
-
-
-@dataclass(frozen=True, eq=False)
-class AlteredMaps(DescribedMaps):
-    """The maps of a bake with something done to each of them as it is read.
-
-    Attributes
-    ----------
-    source : StoredMaps
-        Where they are read.
-    alter : callable
-        Makes the map of a view from its index and the map as it is stored.
-    """
-
-    source: StoredMaps
-    alter: Callable[[int, MapFile], MapFile]
-
-    @classmethod
-    def of(cls, source: StoredMaps, alter: Callable[[int, MapFile], MapFile]) -> AlteredMaps:
-        """Alter the maps of a bake."""
-        return cls(source.path, source.manifest, source, alter)
-
-    def map(self, index: int) -> MapFile:
-        """Read the map of one view, and alter it."""
-        return self.alter(index, self.source.map(index))
-
-    @property
-    def light(self) -> Light:
-        """The light of the bake, as it is."""
-        return self.source.light
+        """Map of one view."""
+        ...

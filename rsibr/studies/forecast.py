@@ -13,6 +13,7 @@ import numpy as np
 from rsibr import backend
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import icosphere
+from rsibr.methods.registry import judged_by_lobe
 from rsibr.scene.views import load_viewpoints
 from rsibr.studies.agenda import Agenda, BakeSize, Variant
 from rsibr.studies.bench import Bench
@@ -114,7 +115,7 @@ def steps_of(bench: Bench, agenda: Agenda, path_tracing: PathTracingConfig, rate
 def _truths(bench: Bench, agenda: Agenda, rates: Rates) -> Iterator[Step]:
     scene, samples = bench.scene, bench.judged.judge.samples
     work = scene.resolution**2 * samples
-    lobed = any(variant.method == "rsibr" for variants in agenda.values() for variant in variants)
+    lobed = any(judged_by_lobe(variant.method) for variants in agenda.values() for variant in variants)
     for number, frame in enumerate(bench.judged.frames, 1):
         if not bench.judged.store.has(reference_key(scene, frame, samples)):
             seconds = _PER_TRUTH + work / rates.path_tracing

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.store.described_maps import AlteredMaps
 from rsibr.store.map_file import MapFile
 from rsibr.store.noise import COVERED, denominator
-from rsibr.store.stored_maps import AlteredMaps, StoredMaps
+from rsibr.store.stored_maps import StoredMaps
 from rsibr.validation.reference import Reference
 from rsibr.validation.report.estimate_document import EstimateModel
 
