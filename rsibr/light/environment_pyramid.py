@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.bilinear import BilinearCell
 from rsibr.geometry.frame import frame_of
 from rsibr.geometry.projections.octahedral import bordered, square_from_direction, texel_directions, texel_solid_angles
 from rsibr.geometry.to_device import to_device
@@ -136,12 +137,10 @@ class EnvironmentPyramid:
         """Bilinear lookup in one level."""
         start, resolution = dr.gather(mi.UInt32, self.starts, level), dr.gather(mi.UInt32, self.resolutions, level)
         p, half = square_from_direction(d), 0.5 * mi.Float(resolution)
-        column, row = dr.fma(p.x, half, half + 0.5), dr.fma(p.y, half, half + 0.5)
-        left, top = mi.UInt32(column), mi.UInt32(row)
-        rightward, downward = column - mi.Float(left), row - mi.Float(top)
+        cell = BilinearCell.at(dr.fma(p.x, half, half + 0.5), dr.fma(p.y, half, half + 0.5))
         stride = resolution + 2
-        corner = dr.fma(top, stride, left) + start
-        return bilinear(self.texels, corner, stride, rightward, downward)
+        corner = cell.corner(stride) + start
+        return bilinear(self.texels, cell, corner, corner + 1, stride)
 
     def _level(self, width: mi.Float) -> mi.Float:
         return 2 * dr.log2(dr.maximum(width, 1e-9) / self.finest) + 1

@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.bilinear import BilinearCell
 from rsibr.geometry.to_device import to_device
 from rsibr.light.shared_exponent import bilinear, packed
 
@@ -50,6 +51,6 @@ class LatLongTexture:
         column = dr.select(column < 0, column + mi.Float(self.width), column)
         row = dr.safe_acos(local.y) * dr.inv_pi * mi.Float(self.height - 1)
         left, top = dr.minimum(mi.UInt32(column), self.width - 1), dr.minimum(mi.UInt32(row), self.height - 1)
-        rightward, downward = column - mi.Float(left), row - mi.Float(top)
-        corner = dr.fma(top, self.width + 1, left)
-        return bilinear(self.texels, corner, self.width + 1, rightward, downward)
+        cell = BilinearCell(left, top, column - mi.Float(left), row - mi.Float(top))
+        corner = cell.corner(self.width + 1)
+        return bilinear(self.texels, cell, corner, corner + 1, self.width + 1)

@@ -13,6 +13,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.bilinear import BilinearCell
+
 MANTISSA_BITS = 17
 """Without the sign."""
 
@@ -63,25 +65,33 @@ def unpacked(words: mi.Vector2u) -> tuple[mi.Color3f, mi.Float]:
 
 
 def bilinear(
-    texels: mi.Float, corner: mi.UInt32, stride: mi.UInt32, rightward: mi.Float, downward: mi.Float
+    texels: mi.Float, cell: BilinearCell, left: mi.UInt32, right: mi.UInt32, below: mi.UInt32 | int
 ) -> mi.Color3f:
-    """Look up between four texels of an image.
+    """Interpolate between four packed texels.
 
     Parameters
     ----------
     texels : mi.Float
         Two words a texel, flat.
-    corner, stride : mi.UInt32
-        Index of the upper left texel; texels from one row to the next.
-    rightward, downward : mi.Float
-        Where between them, in [0, 1].
+    cell : BilinearCell
+        Where the point lies between the four.
+    left, right : mi.UInt32
+        Indices of the upper two.
+    below : mi.UInt32 or int
+        Difference from their indices to those of the lower two.
+
+    Returns
+    -------
+    mi.Color3f
+        Radiance [W sr⁻¹ m⁻²].
     """
 
     def fetch(index: mi.UInt32) -> tuple[mi.Color3f, mi.Float]:
+        # Gathered as floats, of which LLVM loads two at once, and as the words that they are again
         return unpacked(dr.reinterpret_array(mi.Vector2u, dr.gather(mi.Vector2f, texels, index)))
 
-    def between(left: mi.UInt32) -> mi.Color3f:
-        (one, one_scale), (other, other_scale) = fetch(left), fetch(left + 1)
-        return one * ((1 - rightward) * one_scale) + other * (rightward * other_scale)
+    def between(left: mi.UInt32, right: mi.UInt32) -> mi.Color3f:
+        (one, one_scale), (other, other_scale) = fetch(left), fetch(right)
+        return one * ((1 - cell.rightward) * one_scale) + other * (cell.rightward * other_scale)
 
-    return dr.lerp(between(corner), between(corner + stride), downward)
+    return dr.lerp(between(left, right), between(left + below, right + below), cell.downward)

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.backend import Rendering
 from rsibr.geometry.to_device import to_device
-from rsibr.lobes.albedo import albedo_tables, delta_reflectance, low_discrepancy, over_disk
+from rsibr.lobes.albedo import albedo_tables, delta_reflectance, over_disk
 from rsibr.lobes.bsdf_eval import interaction
+from rsibr.lobes.low_discrepancy import device_square
 from rsibr.lobes.split import Lobe, LobeSplit
 from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material
@@ -169,7 +170,7 @@ def _mean_spectrum(emitter: dict[str, Any]) -> Array:
     nm = to_device(mi.Float, _FINE.astype(np.float32))
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(lanes))
     si.wavelengths = mi.UnpolarizedSpectrum([dr.gather(mi.Float, nm, lanes // _DIRECTIONS * 4 + k) for k in range(4)])
-    u = dr.gather(mi.Point2f, low_discrepancy(_DIRECTIONS), lanes % _DIRECTIONS)
+    u = dr.gather(mi.Point2f, device_square(_DIRECTIONS), lanes % _DIRECTIONS)
     _, weight = scene.sample_emitter_direction(si, u, test_visibility=False)
     radiance = mi.unpolarized_spectrum(weight)
     means = [np.array(dr.block_sum(channel + dr.zeros(mi.Float, dr.width(lanes)), _DIRECTIONS)) for channel in radiance]

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from rsibr.geometry.to_device import to_device
 from rsibr.lobes.bsdf_eval import interaction
-from rsibr.lobes.low_discrepancy import sobol
+from rsibr.lobes.low_discrepancy import device_square
+from rsibr.lobes.microfacet import ggx_density
 
 NODES = 65
 """Entries of a table, even in √cos θ: closest together at grazing angles, where an albedo bends most."""
@@ -58,7 +59,7 @@ def albedo_tables(material: Lobed, points: int = POINTS) -> list[NDArray[np.floa
     lanes = dr.arange(mi.UInt32, NODES * points)
     cosine = dr.gather(mi.Float, to_device(mi.Float, node_cosines().astype(np.float32)), lanes // points)
     wo = mi.Vector3f(dr.sqrt(1 - cosine * cosine), 0, cosine)
-    u = dr.gather(mi.Point2f, low_discrepancy(points), lanes % points)
+    u = dr.gather(mi.Point2f, device_square(points), lanes % points)
     total = _albedos(material, wo, mi.warp.square_to_cosine_hemisphere(u), points)
     for width in _WIDTHS:  # one kernel for all: their number is opaque, and a BSDF is long to compile
         total = total + _albedos(material, wo, _around_mirror(u, wo, dr.opaque(mi.Float, width)), points)
@@ -72,11 +73,6 @@ def _albedos(material: Lobed, wo: mi.Vector3f, wi: mi.Vector3f, points: int) -> 
     dr.eval(parts)
     sums = [np.array(dr.block_sum(channel, points), dtype=np.float64) / points for channel in parts]
     return np.stack(sums).reshape(-1, 3, NODES).swapaxes(1, 2)
-
-
-def low_discrepancy(points: int) -> mi.Float:
-    """The same points of the unit square at every angle: what error they leave varies smoothly with it."""
-    return to_device(mi.Float, sobol(2, points, seed=11).astype(np.float32))
 
 
 def mirror_albedo(bsdf: mi.BSDF) -> NDArray[np.float64]:
@@ -108,9 +104,7 @@ def _density(wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
     density = dr.maximum(wi.z, 0) * dr.inv_pi
     h = dr.normalize(wi + wo)
     for alpha in _WIDTHS:
-        base = h.z * h.z * (alpha * alpha - 1) + 1
-        distribution = alpha * alpha / (dr.pi * base * base)
-        density += distribution * dr.maximum(h.z, 0) / (4 * dr.maximum(dr.abs(dr.dot(h, wo)), 1e-6))
+        density += ggx_density(h.z, alpha) * dr.maximum(h.z, 0) / (4 * dr.maximum(dr.abs(dr.dot(h, wo)), 1e-6))
     return dr.maximum(density, 1e-20)
 
 

@@ -9,6 +9,9 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
+from rsibr.geometry.refraction import refracted
+from rsibr.lobes.microfacet import LEAST_COSINE, ggx_density, schlick, smith_denominator, transmitted
+
 LAMBERT = 0.0
 """Stands where a roughness would for the lobe that is as wide as the hemisphere."""
 
@@ -20,12 +23,6 @@ COATED_FROM = 0.1
 
 PLAIN_FROM = 0.5
 """Roughness beyond which a lobe is neither coated nor has a grazing term: with one it would pass for a matte base."""
-
-
-def schlick(cosine: mi.Float) -> mi.Float:
-    """Schlick's grazing term (1 − cos)⁵; Schlick (1994), eq. 24."""
-    graze = 1 - dr.clip(cosine, 0, 1)
-    return graze * graze * graze * graze * graze
 
 
 def ggx(wi: mi.Vector3f, wo: mi.Vector3f, alpha: mi.Float | float) -> tuple[mi.Float, mi.Float]:
@@ -46,17 +43,12 @@ def ggx(wi: mi.Vector3f, wo: mi.Vector3f, alpha: mi.Float | float) -> tuple[mi.F
 
     Notes
     -----
-    Walter et al. (2007), eq. 33; height-correlated masking and shadowing after Heitz (2014), eq. 99.
+    Walter et al. (2007), eq. 20 and 33; height-correlated masking and shadowing, Heitz (2014), eq. 99.
     """
     h = wi + wo
     h *= dr.rsqrt(dr.maximum(dr.squared_norm(h), 1e-12))  # light from straight behind has no half vector
-    squared = alpha * alpha
-    base = h.z * h.z * (squared - 1) + 1
-    distribution = squared / (dr.pi * base * base)
-    cos_i, cos_o = dr.maximum(wi.z, 1e-6), dr.maximum(wo.z, 1e-6)
-    shadow_i = cos_o * dr.sqrt(squared + (1 - squared) * cos_i * cos_i)
-    shadow_o = cos_i * dr.sqrt(squared + (1 - squared) * cos_o * cos_o)
-    plain = distribution * cos_i / (2 * (shadow_i + shadow_o))
+    cos_i, cos_o = dr.maximum(wi.z, LEAST_COSINE), dr.maximum(wo.z, LEAST_COSINE)
+    plain = ggx_density(h.z, alpha) * cos_i / (2 * smith_denominator(cos_i, cos_o, alpha))
     return plain, plain * schlick(dr.dot(h, wo))
 
 
@@ -73,20 +65,15 @@ def coated_ggx(wi: mi.Vector3f, wo: mi.Vector3f, alpha: mi.Float | float) -> mi.
     f = T(θ_i) T(θ_o) f'(ω_i', ω_o')/η², with the directions refracted into the coat; light reflected back and forth
     below the coat is left out.
     """
-    inner_i, inner_o = refracted(wi), refracted(wo)
+    inner_i, inner_o = under_coat(wi), under_coat(wo)
     below = ggx(inner_i, inner_o, alpha)[0] * dr.maximum(wi.z, 0) / (inner_i.z * COAT_IOR * COAT_IOR)
     return below * transmitted(wi.z) * transmitted(wo.z)
 
 
-def refracted(w: mi.Vector3f) -> mi.Vector3f:
+def under_coat(w: mi.Vector3f) -> mi.Vector3f:
     """Refract a direction into the coat, on the same side of the normal."""
-    x, y = w.x * (1 / COAT_IOR), w.y * (1 / COAT_IOR)
-    return mi.Vector3f(x, y, dr.sqrt(dr.maximum(1 - x * x - y * y, 1e-6)))
-
-
-def transmitted(cosine: mi.Float) -> mi.Float:
-    """Transmittance of the coat relative to that head-on, 1 − (1 − cos)⁵."""
-    return 1 - schlick(cosine)
+    x, y, height_squared = refracted(w.x, w.y, COAT_IOR)
+    return mi.Vector3f(x, y, dr.sqrt(dr.maximum(height_squared, 1e-6)))
 
 
 def lambert(wi: mi.Vector3f, wo: mi.Vector3f) -> tuple[mi.Float, mi.Float]:

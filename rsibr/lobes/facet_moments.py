@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.refraction import emerging, refracted
 from rsibr.lobes.basis import COAT_IOR
 from rsibr.lobes.gaussians import Gaussians, LobeShape
+from rsibr.lobes.microfacet import LEAST_COSINE, schlick, smith_denominator, transmitted
 
 NODES = 33
 """Angles, even in √cos θ."""
@@ -23,7 +25,7 @@ Array = NDArray[np.float64]
 _Seen = Callable[[Array, Array, float], tuple[Array, Array]]
 """(viewer, facets, roughness) → share of the light that each facet sends to the viewer; the facets on the surface."""
 
-_LEAST_COSINE = 2e-3
+_GRAZING_NODE = 2e-3  # cosine of the first node, where 0 would see no facet at all
 _RADII, _TURNS = 24, 24  # of the quadrature over a Gaussian
 _NARROWEST = 1e-5
 
@@ -51,7 +53,7 @@ class FacetMoments:
 
 def cosines() -> Array:
     """Cosines of the angle between normal and viewer at the nodes, from grazing to head-on."""
-    return np.maximum(np.linspace(0, 1, NODES) ** 2, _LEAST_COSINE)
+    return np.maximum(np.linspace(0, 1, NODES) ** 2, _GRAZING_NODE)
 
 
 def facet_moments(kernel: LobeShape) -> list[FacetMoments]:
@@ -85,7 +87,7 @@ def _of_one(sigma: float, plain: Array, grazing: Array, alpha: float, seen: _See
     viewer = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, cosine], axis=-1)[:, None, None]  # (NODES, 1, 1, 3)
     share, outer = seen(viewer, facet, alpha)
     toward = np.maximum((outer * viewer).sum(axis=-1), 1e-3)
-    grazed = (1 - np.minimum(toward, 1)) ** 5
+    grazed = schlick(toward, np)
     mean = (share.mean(axis=(1, 2)), (share * grazed).mean(axis=(1, 2)))
     weight = mean[0][:, None] * plain + mean[1][:, None] * grazing
     lean, width = _middle(outer, share / toward * (plain.mean() + grazing.mean() * grazed))
@@ -115,28 +117,24 @@ def _seen_bare(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]
 
 def _seen_coated(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
     """The same of a facet under the coat, and the facet on the surface that would mirror into the same direction."""
-    below = _refracted(viewer)
+    below, _ = _direction(*refracted(viewer[..., 0], viewer[..., 1], COAT_IOR))
     share, light = _reflected(below, facet, alpha)
-    lateral = light[..., :2] * COAT_IOR
-    height = 1 - (lateral**2).sum(axis=-1)  # below zero the light is reflected totally
-    outer_light = np.concatenate([lateral, np.sqrt(np.maximum(height, 1e-6))[..., None]], axis=-1)
-    transmitted = (1 - (1 - outer_light[..., 2]) ** 5) * (1 - (1 - viewer[..., 2]) ** 5)
+    outer_light, escapes = _direction(*emerging(light[..., 0], light[..., 1], COAT_IOR))
+    through = transmitted(outer_light[..., 2], np) * transmitted(viewer[..., 2], np)
     half = outer_light + viewer
     half /= np.linalg.norm(half, axis=-1, keepdims=True)
-    return np.where(height > 0, share * transmitted, 0.0), half
+    return np.where(escapes, share * through, 0.0), half
 
 
 def _reflected(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
-    """Share of the light, and where it comes from; height-correlated shadowing after Heitz (2014), eq. 99."""
+    """Share of the light, and where it comes from."""
     toward = (facet * viewer).sum(axis=-1)
     light = 2 * toward[..., None] * facet - viewer
-    cos_i, cos_o = np.maximum(light[..., 2], 1e-6), viewer[..., 2]
-    shadow_i = cos_o * np.sqrt(alpha**2 + (1 - alpha**2) * cos_i**2)
-    shadow_o = cos_i * np.sqrt(alpha**2 + (1 - alpha**2) * cos_o**2)
-    share = 2 * cos_i * toward / ((shadow_i + shadow_o) * facet[..., 2])
+    cos_i, cos_o = np.maximum(light[..., 2], LEAST_COSINE), viewer[..., 2]
+    share = 2 * cos_i * toward / (smith_denominator(cos_i, cos_o, alpha, np) * facet[..., 2])
     return np.where((toward > 0) & (light[..., 2] > 0), share, 0.0), light
 
 
-def _refracted(w: Array) -> Array:
-    lateral = w[..., :2] / COAT_IOR
-    return np.concatenate([lateral, np.sqrt(1 - (lateral**2).sum(axis=-1))[..., None]], axis=-1)
+def _direction(x: Array, y: Array, height_squared: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Unit direction from what `refracted` and `emerging` return, and whether it passes the interface."""
+    return np.stack([x, y, np.sqrt(np.maximum(height_squared, 1e-6))], axis=-1), height_squared > 0

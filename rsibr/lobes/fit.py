@@ -15,6 +15,7 @@ from rsibr.lobes.basis import LAMBERT, lobe_values
 from rsibr.lobes.bsdf_eval import reflected
 from rsibr.lobes.components import LEAST_SHARE, told_apart
 from rsibr.lobes.low_discrepancy import sobol
+from rsibr.lobes.microfacet import ggx_density
 
 ROUGHNESSES: tuple[float, ...] = (LAMBERT, *np.geomspace(0.004, 1.0, 24).tolist())
 """Lobes that a fit may use."""
@@ -208,6 +209,5 @@ def _density(wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.flo
     h /= np.linalg.norm(h, axis=1, keepdims=True)
     density = np.maximum(wi[:, 2], 0) / np.pi
     for alpha in _PROBED:
-        distribution = alpha**2 / (np.pi * (h[:, 2] ** 2 * (alpha**2 - 1) + 1) ** 2)
-        density = density + distribution * h[:, 2] / (4 * np.maximum((h * wo).sum(1), 1e-6))
+        density = density + ggx_density(h[:, 2], alpha) * h[:, 2] / (4 * np.maximum((h * wo).sum(1), 1e-6))
     return np.asarray(density)

@@ -29,7 +29,7 @@ PLUGIN = "rsibr_car_paint"
 PIGMENT, COAT, FLAKES, RETRO = range(4)
 """Index of each component, as `BSDFContext.component` takes it; the last is there only where the paint has it."""
 
-_LEAST_COSINE = 1e-7
+_HORIZON = 1e-7  # cosine up to which a direction counts as on the horizon: Fresnel and tables stay finite
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ class CarPaint:
         self._between_table = lookup_table(self._spectra.between, 3)
 
     def _side(self, w: mi.Vector3f, colours: PaintColours) -> _Side:
-        cosine = dr.maximum(w.z, _LEAST_COSINE)
+        cosine = dr.maximum(w.z, _HORIZON)
         ratio, *entry = self._by_cosine.eval(along(dr.sqrt(cosine), COSINE_NODES))
         inner = refracted(w, self._eta)
         through = 1 - mi.fresnel(cosine, self._eta)[0] * ratio

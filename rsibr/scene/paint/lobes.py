@@ -5,6 +5,8 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
+from rsibr.geometry import refraction
+
 
 def ggx(alpha: float) -> mi.MicrofacetDistribution:
     """GGX facets whose width is data to a kernel, not a constant."""
@@ -31,12 +33,11 @@ def half_turn(w: mi.Vector3f) -> mi.Vector3f:
 
 def refracted(w: mi.Vector3f, eta: mi.Float) -> mi.Vector3f:
     """The direction below the coat, on the same side of the normal."""
-    x, y = w.x / eta, w.y / eta
-    return mi.Vector3f(x, y, dr.safe_sqrt(1 - (x * x + y * y)))
+    x, y, height_squared = refraction.refracted(w.x, w.y, eta)
+    return mi.Vector3f(x, y, dr.safe_sqrt(height_squared))
 
 
 def emerging(inner: mi.Vector3f, eta: mi.Float) -> mi.Vector3f:
     """The direction outside; downward where the light is reflected totally."""
-    x, y = inner.x * eta, inner.y * eta
-    height = 1 - (x * x + y * y)
-    return mi.Vector3f(x, y, dr.select((height > 0) & (inner.z > 0), dr.safe_sqrt(height), -1))
+    x, y, height_squared = refraction.emerging(inner.x, inner.y, eta)
+    return mi.Vector3f(x, y, dr.select((height_squared > 0) & (inner.z > 0), dr.safe_sqrt(height_squared), -1))
