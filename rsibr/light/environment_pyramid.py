@@ -1,7 +1,7 @@
-"""The light, blurred by Gaussians of many widths and ready to be looked up: as blurred as a lobe asks for.
+"""Gaussian pyramid of the environment: radiance at increasing blur, on the device.
 
-Each level is an octahedral image of its own size. A level's width is what a bilinear lookup in it amounts to: the
-Gaussian that it was blurred with, and the tent of the lookup itself.
+Each level is an octahedral image with a resolution of its own. The width of a level is that of a bilinear lookup in it:
+the variances of its Gaussian and of the lookup's tent filter, added.
 """
 
 from __future__ import annotations
@@ -21,30 +21,40 @@ from rsibr.geometry.to_device import to_device
 from rsibr.light.shared_exponent import bilinear, packed
 
 WIDEST = 1.3
-"""Standard deviation [rad] of the most blurred level: wider ones all but hold the mean."""
+"""Standard deviation [rad] of the coarsest level; wider levels would be nearly constant."""
 
-_FINENESS = 2.2  # texels a standard deviation
+_FINENESS = 2.2  # texels per standard deviation
 _LEAST_RESOLUTION = 8
-_IRRADIANCE, _BLOCKS = 64, 128  # texels a side of an irradiance map, and blocks a side of the light that it gathers
-_REACH, _TAPS = 2.8, 9  # of a blur: standard deviations, and taps a side
+_IRRADIANCE, _BLOCKS = (
+    64,
+    128,
+)  # texels a side of an irradiance map; blocks a side of the environment that it integrates
+_REACH, _TAPS = 2.8, 9  # of a blur: cut-off in standard deviations; taps a side
 
 
 @dataclass(eq=False)
 class EnvironmentPyramid:
-    """Radiance of the light at rising widths of blur, √2 apart but for the first two.
+    """Radiance of the environment at widths √2 apart, except between the first two levels.
 
     Attributes
     ----------
     texels : mi.Float
-        Texels of all levels, each with a border of one texel, flat: bits of two words a texel (see `texel`).
+        Texels of all levels, each level with a border of one texel, flat; two words a texel as bits of floats, see
+        `rsibr.light.shared_exponent`.
     starts, resolutions : mi.UInt32
-        Where each level begins, in texels, and its texels a side.
+        Offset of each level in texels, and its texels a side.
     variances : mi.Float
-        Squared standard deviation [rad²] of each level.
+        Variance [rad²] of each level.
     finest : mi.Float
-        Standard deviation [rad] of level 1 (opaque); level 0 is the light as it is.
+        Standard deviation [rad] of level 1 (opaque); level 0 is the unblurred environment.
     last : mi.Float
-        Number of the last level (opaque).
+        Index of the last level (opaque).
+
+    Examples
+    --------
+    >>> pyramid = EnvironmentPyramid.of(np.full((16, 16, 3), 2.0, dtype=np.float32))
+    >>> bool(dr.allclose(pyramid.blurred(mi.Vector3f(0, 1, 0), mi.Float(0.2)), 2, rtol=1e-4))
+    True
     """
 
     texels: mi.Float
@@ -56,15 +66,15 @@ class EnvironmentPyramid:
 
     @classmethod
     def of(cls, light: NDArray[np.float32]) -> EnvironmentPyramid:
-        """Blur a light.
+        """Build the pyramid.
 
         Parameters
         ----------
-        light : ndarray, shape (R, R, 3)
-            Octahedral picture of the radiance; see `rsibr.light.radiance.light_map`.
+        light : ndarray, shape (R, R, 3), float32
+            Octahedral image of the radiance [W sr⁻¹ m⁻²]; see `rsibr.light.radiance.light_map`.
         """
         spacing = _spacing(len(light))
-        widths = [0.5 * spacing]  # of a box of one texel and a tent of two
+        widths = [0.5 * spacing]  # box of one texel and tent of two
         levels = [light]
         while widths[-1] < WIDEST:
             width = spacing * math.sqrt(2) ** (len(levels) - 1)
@@ -76,20 +86,25 @@ class EnvironmentPyramid:
 
     @classmethod
     def irradiance(cls, light: NDArray[np.float32], weights: NDArray[np.float64]) -> EnvironmentPyramid:
-        """Gather a light over cosine lobes, bare and coated: one level, to be looked up by the normal.
+        """Integrate the environment over cosine lobes, bare and coated: one level, indexed by the normal.
 
         Parameters
         ----------
-        light : ndarray, shape (R, R, 3)
-            Octahedral picture of the radiance.
+        light : ndarray, shape (R, R, 3), float32
+            Octahedral image of the radiance [W sr⁻¹ m⁻²].
         weights : ndarray, shape (2, 3)
-            Of each lobe in each channel; see `rsibr.lobes.gaussians.LobeShape.matte`.
+            Weight of the bare and of the coated lobe in each channel; see `rsibr.lobes.gaussians.LobeShape.matte`.
+
+        Returns
+        -------
+        EnvironmentPyramid
+            Radiance [W sr⁻¹ m⁻²]: the integral over the lobe divided by that of a unit environment.
         """
-        weights = np.where(weights.any(axis=0), weights, 1.0)  # a black channel needs some shape too
+        weights = np.where(weights.any(axis=0), weights, 1.0)  # in a black channel any shape serves
         radiance, angles, directions = _blocks(light)
         level = np.empty((_IRRADIANCE**2, 3))
         normals = np.array(texel_directions(_IRRADIANCE), dtype=np.float64).T
-        for rows in np.array_split(np.arange(len(level)), _IRRADIANCE // 4):  # all at once would fill the memory
+        for rows in np.array_split(np.arange(len(level)), _IRRADIANCE // 4):  # in parts, to bound the memory
             cosines = np.maximum(normals[rows] @ directions.T, 0)
             coated = cosines * (1 - (1 - cosines) ** 5)
             gathered, total = ((cosines @ x) * weights[0] + (coated @ x) * weights[1] for x in (radiance, angles))
@@ -110,19 +125,19 @@ class EnvironmentPyramid:
         )
 
     def blurred(self, d: mi.Vector3f, width: mi.Float) -> mi.Color3f:
-        """Radiance around a direction.
+        """Blurred radiance around a direction, interpolated between two levels.
 
         Parameters
         ----------
         d : mi.Vector3f
-            Unit directions.
+            Unit directions in world coordinates.
         width : mi.Float
-            Standard deviation [rad] of the Gaussian to see the light through.
+            Standard deviation [rad] of the Gaussian.
 
         Returns
         -------
         mi.Color3f
-            Radiance [W sr⁻¹ m⁻²], mixed from two levels so that the variance is right.
+            Radiance [W sr⁻¹ m⁻²]. The levels are weighted so that the variance of the mixture is width².
         """
         lower = mi.UInt32(dr.clip(self._level(width), 0, self.last - 1))
         v0, v1 = dr.gather(mi.Float, self.variances, lower), dr.gather(mi.Float, self.variances, lower + 1)
@@ -130,11 +145,11 @@ class EnvironmentPyramid:
         return dr.lerp(self.fetch(d, lower), self.fetch(d, lower + 1), share)
 
     def nearest_blurred(self, d: mi.Vector3f, width: mi.Float) -> mi.Color3f:
-        """Radiance from the one level that comes nearest to `width`: half the lookups of `blurred`."""
+        """Radiance from the level nearest to `width`: half the lookups of `blurred`; parameters as there."""
         return self.fetch(d, mi.UInt32(dr.clip(self._level(width) + 0.5, 0, self.last)))
 
     def fetch(self, d: mi.Vector3f, level: mi.UInt32) -> mi.Color3f:
-        """Bilinear lookup in one level."""
+        """Bilinear lookup of the radiance [W sr⁻¹ m⁻²] in one level, in the unit directions `d`."""
         start, resolution = dr.gather(mi.UInt32, self.starts, level), dr.gather(mi.UInt32, self.resolutions, level)
         p, half = square_from_direction(d), 0.5 * mi.Float(resolution)
         cell = BilinearCell.at(dr.fma(p.x, half, half + 0.5), dr.fma(p.y, half, half + 0.5))
@@ -143,14 +158,12 @@ class EnvironmentPyramid:
         return bilinear(self.texels, cell, corner, corner + 1, stride)
 
     def _level(self, width: mi.Float) -> mi.Float:
+        """Fractional level of a width [rad], < 1 below that of level 1."""
         return 2 * dr.log2(dr.maximum(width, 1e-9) / self.finest) + 1
 
 
 def _blocks(light: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Merge texels into a few thousand blocks: radiance times solid angle, solid angle, and mean direction.
-
-    All of shape (blocks, 3).
-    """
+    """Merge texels into blocks: radiance times solid angle, solid angle, and mean direction, each (blocks, 3)."""
     side = max(1, len(light) // _BLOCKS)
     count = len(light) // side
     angles = texel_solid_angles(len(light))[:, None]
@@ -167,18 +180,20 @@ def _blocks(light: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def _spacing(resolution: int) -> float:
-    """Mean distance [rad] of neighbouring texels."""
+    """Mean angle [rad] between neighbouring texels."""
     return math.sqrt(4 * math.pi) / resolution
 
 
 def _blurred(source: EnvironmentPyramid, width: float, resolution: int) -> NDArray[np.float32]:
-    """Blur the one level of `source` by a Gaussian of standard deviation `width` [rad]."""
+    """Blur the only level of `source` by a Gaussian of standard deviation `width` [rad]."""
+    # Taps in the tangent plane: a Gaussian cut off at _REACH, rescaled to the full variance
     x, y = (grid.ravel() for grid in np.meshgrid(*[np.linspace(-_REACH, _REACH, _TAPS)] * 2))
     near = np.hypot(x, y) <= _REACH
     x, y, weight = x[near], y[near], np.exp(-0.5 * (x**2 + y**2))[near]
-    width *= math.sqrt(weight.sum() / (weight @ x**2))  # what is cut off at the reach would leave the variance short
+    width *= math.sqrt(weight.sum() / (weight @ x**2))
     taps = np.stack([x * width, y * width, weight / weight.sum(), 0 * weight], axis=1)
     packed, count = to_device(mi.Float, taps.astype(np.float32)), dr.opaque(mi.UInt32, len(taps))
+    # Sum of the taps around each texel's direction
     d = texel_directions(resolution)
     frame = frame_of(d)
 

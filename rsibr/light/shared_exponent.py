@@ -1,9 +1,8 @@
-"""A texel in eight bytes: three signed mantissas of 18 bits under one exponent.
+"""Shared-exponent texels of eight bytes: three signed mantissas of 18 bits and one exponent.
 
-Lookups at warped places wait for memory, and eight bytes take two thirds of the time of float32 RGBA. The exponent is
-that of the texel's greatest channel and reaches from 1e-33 to the end of float32: a sun of 1e6 beside a sky of 1e-2
-keeps both. Half floats would end at 65504 and err by 5e-4. The sign is there for what is left of a map when a model has
-been taken out of it.
+Lookups of warped maps are bound by memory; eight bytes take two thirds of the time of float32 RGBA. The exponent is
+that of the texel's greatest channel and covers 1e-33 to the largest float32, so that a sun of 1e6 and a sky of 1e-2 are
+both kept. Half floats end at 65504 and have a relative error of 5e-4. The sign is needed for residuals.
 """
 
 from __future__ import annotations
@@ -16,35 +15,35 @@ from numpy.typing import NDArray
 from rsibr.geometry.bilinear import BilinearCell
 
 MANTISSA_BITS = 17
-"""Without the sign."""
+"""Bits of a mantissa, without the sign."""
 
 PRECISION = 2.0**-MANTISSA_BITS
-"""Greatest error of a channel, over the greatest channel of its texel: 7.6e-6."""
+"""Largest error of a channel, relative to the greatest channel of its texel: 7.6e-6."""
 
-_BIAS = 127  # of a float32's exponent
+_BIAS = 127  # of the exponent of a float32
 _LEAST_EXPONENT = 1 - _BIAS + MANTISSA_BITS
 _NOT_FINITE = 255
 _MANTISSA = np.uint32(2 ** (MANTISSA_BITS + 1) - 1)
-_LARGEST = np.float32(np.ldexp(1 - 2 * PRECISION, 128))  # rounded up, the end of float32 would be infinite
+_LARGEST = np.float32(np.ldexp(1 - 2 * PRECISION, 128))  # the largest float32 would round up to infinity
 
 
 def packed(radiance: NDArray[np.float32]) -> NDArray[np.uint32]:
-    """Encode radiance, to be read back by `unpacked`.
+    """Encode radiance; `unpacked` decodes it.
 
     Parameters
     ----------
     radiance : ndarray, shape (..., 3)
-        Radiance [W sr⁻¹ m⁻²], or a difference of two.
+        Radiance [W sr⁻¹ m⁻²], or a residual of it.
 
     Returns
     -------
     ndarray, shape (..., 2)
-        Two words a texel, from the highest bit on: 18 bits of red and the upper 14 of blue; the lower 4 of blue, 18 of
-        green, a zero, 8 of the exponent, a zero. A texel that is not finite reads as NaN.
+        Two words a texel, from the highest bit: 18 bits of red, the upper 14 of blue; the lower 4 of blue, 18 of green,
+        a zero, 8 of the exponent, a zero. A texel that is not finite decodes to NaN.
     """
     finite = np.asarray(np.isfinite(radiance).all(axis=-1))
     light = np.where(finite[..., None], np.clip(radiance, -_LARGEST, _LARGEST), np.float32(0))
-    # A step more: a greatest channel that is rounded up to the next power of two takes that one's exponent
+    # One step more, so that a channel that rounds up to the next power of two gets the exponent of that
     exponent = np.frexp(np.abs(light).max(axis=-1).astype(np.float64) * (1 + PRECISION))[1]
     exponent = np.maximum(exponent, _LEAST_EXPONENT)
     mantissas = np.rint(np.ldexp(light, (MANTISSA_BITS - exponent)[..., None])).astype(np.int32)
@@ -56,11 +55,11 @@ def packed(radiance: NDArray[np.float32]) -> NDArray[np.uint32]:
 def unpacked(words: mi.Vector2u) -> tuple[mi.Color3f, mi.Float]:
     """Decode texels: (mantissas, scale), whose product is the radiance.
 
-    They are left apart, since a sum over texels takes its weights times the scale: one multiplication, not three.
+    The two stay separate so that an interpolation multiplies its weight by the scale once, not three times.
     """
-    # Each mantissa is brought to the top of a signed word, whose shift down keeps the sign
+    # Shift each mantissa to the top of a signed word, then arithmetically down to extend the sign
     tops = words.x, words.y << 4, (words.x << 18) | (words.y >> 14)
-    scale = dr.reinterpret_array(mi.Float, words.y << 22)  # the exponent's place in a float32; what is above falls out
+    scale = dr.reinterpret_array(mi.Float, words.y << 22)  # the exponent's position in a float32
     return mi.Color3f(*(mi.Float(mi.Int32(top) >> 14) for top in tops)), scale
 
 

@@ -35,8 +35,8 @@ def pigment_reflectance(name: str) -> NDArray[np.float64]:
 
     Examples
     --------
-    >>> pigment_reflectance("neutral 5 (.70 D)").round(2)
-    array([0.19, 0.19, 0.19])
+    >>> pigment_reflectance("neutral 5 (.70 D)").round(1).tolist()
+    [0.2, 0.2, 0.2]
     """
     import colour  # noqa: PLC0415  # takes a second, and most paints are given as RGB
 
