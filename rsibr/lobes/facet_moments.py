@@ -1,7 +1,7 @@
-"""Which facets of a surface are seen to shine at each angle: how many, where their middle lies, how far they spread.
+"""Energy, mean and standard deviation of the visible microfacet lobe, by view angle.
 
-At an angle some facets are hidden, and some mirror the viewer into the ground. What is left of a Gaussian of facets is
-narrower, and its middle leans toward the viewer: the lobe's own central direction lies above the mirror direction.
+At an oblique angle some microfacets are masked, and some reflect below the horizon. The visible part of a Gaussian over
+slopes is narrower, and its mean leans toward the viewer: the off-specular peak of the lobe.
 """
 
 from __future__ import annotations
@@ -18,32 +18,31 @@ from rsibr.lobes.gaussians import Gaussians, LobeShape
 from rsibr.lobes.microfacet import LEAST_COSINE, schlick, smith_denominator, transmitted
 
 NODES = 33
-"""Angles, even in √cos θ."""
+"""View angles, uniform in √cos θ."""
 
 Array = NDArray[np.float64]
 
 _Seen = Callable[[Array, Array, float], tuple[Array, Array]]
-"""(viewer, facets, roughness) → share of the light that each facet sends to the viewer; the facets on the surface."""
+"""(viewer, microfacets, α) → share of the light that each reflects to the viewer; equivalent microfacets outside."""
 
-_GRAZING_NODE = 2e-3  # cosine of the first node, where 0 would see no facet at all
-_RADII, _TURNS = 24, 24  # of the quadrature over a Gaussian
+_GRAZING_NODE = 2e-3  # cosine of the first node: at 0 every microfacet is masked
+_RADII, _TURNS = 24, 24  # points of the quadrature over a Gaussian
 _NARROWEST = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
 class FacetMoments:
-    """What is seen of one Gaussian of facets at each angle of `cosines`.
+    """Moments of one Gaussian over microfacet slopes at each view angle of `cosines`.
 
     Attributes
     ----------
     weight : ndarray, shape (NODES, 3)
-        Light reflected under an even sky, in each channel, up to a factor that all Gaussians of a lobe share.
+        Energy: light reflected under a constant sky, in each channel, up to a factor common to the lobe's Gaussians.
     lean : ndarray, shape (NODES,)
-        Angle [rad] by which the middle of the facets leans from the normal toward the viewer, where facets count by the
-        area that the viewer sees of them (h·v).
+        Mean tilt [rad] of the microfacets from the normal toward the viewer, weighted by their projected area (h·v).
     width : ndarray, shape (NODES,)
-        Standard deviation [rad] of the facets' normals around it: geometric mean of those along and across the plane
-        of incidence.
+        Standard deviation [rad] of the microfacet normals around the mean: geometric mean of those along and across the
+        plane of incidence.
     """
 
     weight: Array
@@ -52,17 +51,27 @@ class FacetMoments:
 
 
 def cosines() -> Array:
-    """Cosines of the angle between normal and viewer at the nodes, from grazing to head-on."""
+    """Cosines of the view angle at the nodes, shape (NODES,), from grazing to normal incidence."""
     return np.maximum(np.linspace(0, 1, NODES) ** 2, _GRAZING_NODE)
 
 
 def facet_moments(kernel: LobeShape) -> list[FacetMoments]:
-    """Moments of each Gaussian of a glossy lobe's kernel.
+    """Moments of each Gaussian of a glossy lobe.
+
+    Parameters
+    ----------
+    kernel : LobeShape
+        Shape of the lobe.
+
+    Returns
+    -------
+    list of FacetMoments
+        Those of the bare Gaussians, then of the coated ones.
 
     Notes
     -----
     Quadrature over slopes of F G₂ (h·v)/(cos θ_o cos θ_h), the reflected light of a microfacet surface (Walter et al.
-    2007, eq. 20 and 38, in slopes); under a coat in the refracted directions, as `proxy.coated_ggx` has it.
+    2007, eq. 20 and 38, in slopes); under a coat in the refracted directions, as in `rsibr.lobes.basis.coated_ggx`.
     """
     return [
         *_moments(kernel.bare, kernel.alpha, _seen_bare),
@@ -78,16 +87,19 @@ def _moments(gaussians: Gaussians, alpha: float, seen: _Seen) -> list[FacetMomen
 
 
 def _of_one(sigma: float, plain: Array, grazing: Array, alpha: float, seen: _Seen) -> FacetMoments:
+    # Quadrature over the Gaussian of slopes: equal-probability rings times azimuths
     quantile = (np.arange(_RADII) + 0.5) / _RADII
     radius = max(sigma, _NARROWEST) * np.sqrt(-2 * np.log1p(-quantile))[:, None]
     turn = (np.arange(_TURNS) + 0.5) * 2 * np.pi / _TURNS
     slopes = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.ones((_RADII, _TURNS))], axis=-1)
     facet = slopes / np.linalg.norm(slopes, axis=-1, keepdims=True)
+    # Share of each microfacet at each view angle, and its weight by projected area
     cosine = cosines()
     viewer = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, cosine], axis=-1)[:, None, None]  # (NODES, 1, 1, 3)
     share, outer = seen(viewer, facet, alpha)
     toward = np.maximum((outer * viewer).sum(axis=-1), 1e-3)
     grazed = schlick(toward, np)
+    # Energy, then mean and width
     mean = (share.mean(axis=(1, 2)), (share * grazed).mean(axis=(1, 2)))
     weight = mean[0][:, None] * plain + mean[1][:, None] * grazing
     lean, width = _middle(outer, share / toward * (plain.mean() + grazing.mean() * grazed))
@@ -95,7 +107,7 @@ def _of_one(sigma: float, plain: Array, grazing: Array, alpha: float, seen: _See
 
 
 def _middle(facet: Array, share: Array) -> tuple[Array, Array]:
-    """Mean along the plane of incidence, and standard deviation, of facets in the tangent plane's angles."""
+    """Mean tilt in the plane of incidence, and standard deviation, of microfacet normals [rad]."""
     lateral = np.hypot(facet[..., 0], facet[..., 1])
     angle = np.arctan2(lateral, facet[..., 2]) / np.maximum(lateral, 1e-12)
     along, across = facet[..., 0] * angle, facet[..., 1] * angle
@@ -110,13 +122,13 @@ def _middle(facet: Array, share: Array) -> tuple[Array, Array]:
 
 
 def _seen_bare(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
-    """Share of the light that a facet on the surface sends to the viewer; the facet."""
+    """Share of the light that a microfacet on the surface reflects to the viewer; the microfacet."""
     share, _ = _reflected(viewer, facet, alpha)
     return share, np.broadcast_to(facet, (*share.shape, 3))
 
 
 def _seen_coated(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
-    """The same of a facet under the coat, and the facet on the surface that would mirror into the same direction."""
+    """The same for a microfacet under the coat, and the microfacet outside that reflects into the same direction."""
     below, _ = _direction(*refracted(viewer[..., 0], viewer[..., 1], COAT_IOR))
     share, light = _reflected(below, facet, alpha)
     outer_light, escapes = _direction(*emerging(light[..., 0], light[..., 1], COAT_IOR))
@@ -127,7 +139,7 @@ def _seen_coated(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Arra
 
 
 def _reflected(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
-    """Share of the light, and where it comes from."""
+    """Share of the light that a microfacet reflects to the viewer, and the direction to that light."""
     toward = (facet * viewer).sum(axis=-1)
     light = 2 * toward[..., None] * facet - viewer
     cos_i, cos_o = np.maximum(light[..., 2], LEAST_COSINE), viewer[..., 2]

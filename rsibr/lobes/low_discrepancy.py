@@ -1,4 +1,4 @@
-"""Points of a unit cube that are spread more evenly than random ones."""
+"""Low-discrepancy points."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ _DEVICE_SEED = 11
 
 
 def sobol(dimensions: int, count: int, seed: int) -> NDArray[np.float64]:
-    """Scrambled Sobol points, always the same ones.
+    """Scrambled Sobol points of the unit cube, reproducible.
 
     Parameters
     ----------
     dimensions, count : int
-        Shape of what is drawn; a count that is a power of two is spread best.
+        Dimensions and number of the points; a power of two is best distributed.
     seed : int
-        Of the scrambling.
+        Seed of the scrambling.
 
     Returns
     -------
     ndarray, shape (count, dimensions)
         Points of [0, 1)^dimensions.
     """
-    from scipy.stats import qmc  # noqa: PLC0415  # takes half a second, and no mistake in a config has to wait for it
+    from scipy.stats import qmc  # noqa: PLC0415  # takes half a second, which errors in a config need not wait for
 
     return np.asarray(qmc.Sobol(dimensions, scramble=True, seed=seed).random(count))
 
 
 def device_square(count: int) -> mi.Float:
-    """Scrambled Sobol points of the unit square on the device, always the same ones.
+    """Scrambled Sobol points of the unit square on the device, always the same.
 
-    Used at every angle of a table, they leave an error that varies smoothly with the angle.
+    With the same points at every angle of a table, the quadrature error varies smoothly with the angle.
 
     Parameters
     ----------
     count : int
-        Points; a power of two is spread best.
+        Number of points; a power of two is best distributed.
 
     Returns
     -------

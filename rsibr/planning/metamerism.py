@@ -71,8 +71,8 @@ def rgb_mismatch(material: Mapping[str, Any] | Path | None, emitter: Mapping[str
 
     Notes
     -----
-    The truth is ∫ S R x̄ dλ by colour-science; the other colour is the product of those that Mitsuba's RGB mode makes
-    of S and of R. Both are taken over the luminance of a white surface under S.
+    The truth is ∫ S R x̄ dλ by colour-science; the other colour is the product of those that Mitsuba's RGB mode makes of
+    S and of R. Both are taken over the luminance of a white surface under S.
     """
     spectra = found_spectra(material, "material")
     pigments: list[_Pigment] = [(name, samples, _rgb_of_pigment(samples)) for name, samples in spectra]

@@ -274,8 +274,8 @@ def _without_coverage(films: NDArray[np.float32]) -> tuple[NDArray[np.float32], 
     """Divide coverage out of premultiplied colour, shape (K, H, W, 4), texels that were never hit aside.
 
     A texel's radiance is the ratio of two sums over all buffers, ΣL/Σα. Each buffer gets its linearisation,
-    R̄ + (L_k − R̄ α_k)/ᾱ: the mean over the buffers is that ratio, their spread is its spread by the delta method, and
-    a buffer that happened to miss a rim texel divides nothing by zero.
+    R̄ + (L_k − R̄ α_k)/ᾱ: the mean over the buffers is that ratio, their spread is its spread by the delta method, and a
+    buffer that happened to miss a rim texel divides nothing by zero.
     """
     colour, alpha = films[..., :3], films[..., 3:]
     mean_alpha = alpha.mean(axis=0, dtype=np.float64)
