@@ -1,8 +1,8 @@
-"""Loads what a user wrote for Mitsuba in a process of its own first: a crash in there ends as a clear error here.
+"""Trial of a user's plugin in a child process, so that a crash of Mitsuba becomes an error message.
 
-Some plugins end the process on input that they do not expect. `python -m rsibr.scene.trial` reads one config section as
-JSON from stdin, loads it with the code that the caller is about to use, and evaluates and samples it once. Only a crash
-or a hang is a finding: what Mitsuba refuses in an orderly way, the caller hears from Mitsuba itself.
+Some plugins abort the process on invalid input. `python -m rsibr.scene.trial` reads one config section as JSON from
+stdin, loads it with the code that the caller is about to use, and evaluates and samples it once. Only a crash or a hang
+is reported; errors that Mitsuba raises are left to the caller, who will get them as well.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.plugin import named_files
 
 TIMEOUT = 60.0
-"""Seconds after which a trial counts as hung; an honest one takes one or two."""
+"""Seconds after which a trial counts as hung; it normally takes one or two."""
 
 IN_TRIAL = "RSIBR_IN_TRIAL"
-"""Environment variable that is set where a trial runs, so that it starts no other."""
+"""Environment variable that is set in a trial, so that it starts no further one."""
 
 _DIRECTIONS = 64
 
@@ -36,12 +36,12 @@ _survived: set[str] = set()
 
 
 def require_survival(config: EnvironmentConfig | MaterialConfig, where: str) -> None:
-    """Load an environment or a material in a child process, unless the same content has survived that before.
+    """Load an environment or a material in a child process, unless the same content passed before.
 
     Parameters
     ----------
     config : EnvironmentConfig or MaterialConfig
-        The section that names it.
+        The section of the config.
     where : str
         File or config key that an error names.
 
@@ -68,25 +68,25 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str) -> 
 
 
 def try_section(document: dict[str, dict[str, Any]]) -> None:
-    """Load the section that `document` holds, evaluate and sample it; raises as the loader does."""
-    # Imported here, for the loaders import this module.
+    """Load, evaluate and sample the section in `document`; raises what the loader raises."""
+    # Imported here because the loaders import this module
     from rsibr.scene.environment import load_environment  # noqa: PLC0415
     from rsibr.scene.material import load_material  # noqa: PLC0415
 
     context = {"base": Path.cwd()}
     if "environment" in document:
         load_environment(EnvironmentConfig.model_validate(document["environment"], context=context))
-        return  # which has looked at it from all sides
+        return  # which has evaluated it
     material = load_material(MaterialConfig.model_validate(document["material"], context=context))
     _exercise(material.bsdf())
 
 
 def main() -> int:
-    """Run one trial; the exit code says nothing but that the process ended by itself."""
+    """Run one trial; any exit code means that the process did not crash."""
     document = json.load(sys.stdin)
     try:
         try_section(document)
-    except (RsibrError, RuntimeError):  # said again, and better, by the process that asked
+    except (RsibrError, RuntimeError):  # the parent process will raise it too
         return 1
     return 0
 
