@@ -1,4 +1,4 @@
-"""A whole bake on disk, opened and checked; `BakeWriter` is what makes one."""
+"""Opening and reading of a complete bake; `BakeWriter` writes one."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _NAME_A_BAKE = "name a directory that `rsibr bake` made"
 
 @dataclass(frozen=True, eq=False)
 class Bake:
-    """A whole bake, as `open_bake` found it: maps are read when they are asked for.
+    """Complete bake on disk. Maps are read on demand.
 
     Attributes
     ----------
     path : Path
-        Its directory.
+        Directory of the bake.
     manifest : Manifest
-        What it was made from, and with what.
+        Its manifest: config, identity, state of the views.
     """
 
     path: Path
@@ -47,12 +47,12 @@ class Bake:
 
     @property
     def has_views(self) -> bool:
-        """Whether there are views all around; a bake whose lobes all have closed forms holds one map alone."""
+        """Whether views cover the sphere; a bake whose lobes all have closed forms holds a single map."""
         return len(self.manifest.triangles) > 0
 
     @property
     def complete(self) -> bool:
-        """Whether all views are done; true of every bake that `open_bake` returns."""
+        """Whether all views are done; true for every bake that `open_bake` returns."""
         return not self.manifest.pending
 
     @property
@@ -62,17 +62,17 @@ class Bake:
 
     @property
     def config(self) -> dict[str, Any]:
-        """The configuration that it was baked from, as JSON holds it."""
+        """The config of the bake as plain JSON data."""
         return self.manifest.config
 
     @property
     def rendering(self) -> Rendering:
-        """What was carried along a path; RGB in bakes older than plans."""
+        """Rendering of the maps: "rgb", "spectral" or "spectral_polarized"; "rgb" in bakes older than plans."""
         return self.manifest.plan.rendering if self.manifest.plan else "rgb"
 
     @property
     def seconds(self) -> float:
-        """Time that all views together took to bake [s]."""
+        """Render time of all views together [s]."""
         return self.manifest.seconds
 
     @property
@@ -97,12 +97,12 @@ class Bake:
     def map(self, index: int) -> MapFile:
         """Read the map of one view.
 
-        Its `view` and `frame` have the header's float32 precision; `directions[index]` is exact.
+        Its `view` and `frame` have the float32 precision of the header; `directions[index]` is exact.
 
         Raises
         ------
         IndexError
-            If there is no such view.
+            If the index is out of range.
         BakeError
             If the file was altered since the bake was opened.
         """
@@ -114,12 +114,12 @@ class Bake:
 
     @cached_property
     def light(self) -> Light:
-        """The light that the model of each lobe is made from.
+        """Environment of the bake, from which radiance is predicted.
 
         Raises
         ------
         BakeError
-            If the bake is too old to have it, or the file was altered since the bake was opened.
+            If the bake is older than this file, or the file was altered since the bake was opened.
         """
         file = self.path / LIGHT_NAME
         if self.manifest.light is None:
@@ -128,7 +128,7 @@ class Bake:
 
 
 def open_bake(path: Path) -> Bake:
-    """Open a bake and check all of it: schema, manifest, and size and checksum of every map.
+    """Open a bake and check its schema, its manifest, and size and checksum of every file.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def open_bake(path: Path) -> Bake:
     Raises
     ------
     BakeError
-        If there is no bake, it is not finished, or anything in it is missing, truncated or altered.
+        If there is no bake, it is incomplete, or a file is missing, truncated or altered.
     """
     path = Path(path)
     _check_kind(path)

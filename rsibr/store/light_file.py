@@ -1,7 +1,7 @@
-"""The light of a bake as an OpenEXR file: what the model of a lobe is made from; see `rsibr.light.radiance`.
+"""Environment of a bake as an OpenEXR file; see `rsibr.light.radiance`.
 
-Its first part is the octahedral picture. Where the material has a delta lobe and the environment is an image, that is
-the second, with its axes (`rsibr:frame`, m33f, columns x, y, z in world coordinates).
+The first part is the octahedral image. If the material has a delta lobe and the environment is an image, that is the
+second part, with its axes (`rsibr:frame`, m33f, columns x, y, z in world coordinates).
 """
 
 from __future__ import annotations
@@ -20,12 +20,11 @@ from rsibr.store.map_file import FRAME_KEY, REC709
 
 LIGHT_NAME = "light.exr"
 
-
 _PICTURE, _IMAGE = "light", "image"
 
 
 def encode_light(light: Light) -> bytes:
-    """Bytes of the file: R, G, B, float32, ZIP; equal lights give equal bytes."""
+    """Bytes of the file: R, G, B, float32, ZIP; equal environments give equal bytes."""
     images = {_PICTURE: light.picture} | ({} if light.image is None else {_IMAGE: light.image})
     header = {
         "type": OpenEXR.scanlineimage,
@@ -50,12 +49,12 @@ def encode_light(light: Light) -> bytes:
 
 
 def decode_light(data: bytes, where: str) -> Light:
-    """Inverse of `encode_light`; `where` names the file in an error.
+    """Decode a file of `encode_light`; `where` names the file in an error.
 
     Raises
     ------
     BakeError
-        If the bytes are no light of ours.
+        If the bytes are not such a file, or are truncated or altered.
     """
     try:
         with contextlib.redirect_stdout(io.StringIO()), OpenEXR.File(io.BytesIO(data)) as file:
