@@ -1,9 +1,10 @@
-"""Environment as stored with a bake: an octahedral image, and the original one if a delta lobe shows it."""
+"""Environment as stored with a bake: octahedral image, original image, pyramid levels and irradiance maps."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import drjit as dr
@@ -12,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.projections.octahedral import texel_directions
+from rsibr.light.environment_pyramid import blurred_levels
+from rsibr.light.irradiance import irradiance_map
 from rsibr.scene.environment import Environment
 from rsibr.scene.wavelengths import Wavelengths
 
@@ -21,6 +24,9 @@ RESOLUTION = 512
 DELTA_RESOLUTION = 1024
 """Texels a side for a material with a delta lobe, if the environment is not an image."""
 
+_SAME = 1e-6
+"""Tolerance within which two sets of weights are equal: they are stored in float32."""
+
 _LEAST_COLUMNS = 2
 """Columns, and rows less one, below which Mitsuba resamples an image, so that the original must not be used."""
 
@@ -29,6 +35,22 @@ _WAVELENGTHS = 64
 
 _POINTS = 3  # samples a side of a texel: at least, and per texel of the environment's image
 _MOST_POINTS = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Irradiance:
+    """Environment integrated over the cosine lobe of a matte lobe.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (2, 3)
+        Weights of the bare and the coated cosine lobe; see `rsibr.light.irradiance.irradiance_map`.
+    image : ndarray, shape (N, N, 3), float32
+        Radiance [W sr⁻¹ m⁻²], octahedral, indexed by the surface normal.
+    """
+
+    weights: NDArray[np.float64]
+    image: NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,16 +66,45 @@ class Light:
         u = (i+½)/W, row j at v = j/(H−1). None without a delta lobe or without an image.
     frame : ndarray, shape (3, 3)
         Axes of the image in world coordinates, in columns: +Y is up, and u = 0 lies at −Z.
+    levels : tuple of ndarray, shape (R_k, R_k, 3), float32
+        Levels 1, 2, … of the environment pyramid, see `rsibr.light.environment_pyramid.blurred_levels`; empty without a
+        glossy lobe.
+    irradiances : tuple of Irradiance
+        One for each matte lobe.
     """
 
     picture: NDArray[np.float32]
     image: NDArray[np.float32] | None = None
     frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    levels: tuple[NDArray[np.float32], ...] = ()
+    irradiances: tuple[Irradiance, ...] = ()
 
     @property
     def nbytes(self) -> int:
         """Size in memory [bytes]."""
-        return self.picture.nbytes + (0 if self.image is None else self.image.nbytes)
+        images = [self.picture, *self.levels, *(one.image for one in self.irradiances)]
+        return sum(image.nbytes for image in images) + (0 if self.image is None else self.image.nbytes)
+
+    def with_tables(self, *, glossy: bool, matte: Sequence[NDArray[np.float64]]) -> Light:
+        """Return the same environment with its pyramid levels and irradiance maps, which reconstructions then reuse.
+
+        Parameters
+        ----------
+        glossy : bool
+            Whether a lobe is glossy and needs the levels of the pyramid.
+        matte : sequence of ndarray, shape (2, 3)
+            Weights of the bare and the coated part of each matte lobe; see `rsibr.light.irradiance.irradiance_map`.
+        """
+        levels = tuple(blurred_levels(self.picture)) if glossy else ()
+        maps = tuple(Irradiance(weights, irradiance_map(self.picture, weights)) for weights in matte)
+        return replace(self, levels=levels, irradiances=maps)
+
+    def irradiance(self, weights: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Irradiance map for a matte lobe with these `weights`, shape (2, 3): stored, or computed."""
+        for known in self.irradiances:
+            if np.allclose(known.weights, weights, rtol=_SAME, atol=_SAME):
+                return known.image
+        return irradiance_map(self.picture, weights)
 
 
 def light_of(environment: Environment, with_image: bool) -> Light:
