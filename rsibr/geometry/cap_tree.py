@@ -54,6 +54,7 @@ class CapTree:
         centroids = corners.sum(axis=1)
 
         def add(members: NDArray[np.int64]) -> None:
+            # Depth first: this node, then its two halves, then the skip link past them
             node = len(caps)
             caps.append(_cap(corners[members].reshape(-1, 3)))
             skips.append(0)

@@ -59,8 +59,8 @@ def view_frame(view: ArrayLike) -> NDArray[np.float64]:
 
     Examples
     --------
-    >>> view_frame([0.0, 0.0, 2.0])[:, 2]
-    array([0., 0., 1.])
+    >>> view_frame([0.0, 0.0, 2.0])[:, 2].tolist()
+    [0.0, 0.0, 1.0]
     """
     z = unit_view(view)
     horizontal = np.array([z[2], 0.0, -z[0]])  # +Y × z

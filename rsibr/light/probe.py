@@ -104,6 +104,7 @@ def band_solid_angles(rows: int) -> NDArray[np.float64]:
 
 
 def _statistics(image: NDArray[np.float32], has_delta: bool) -> LightProbe:
+    # Mean and variance over the sphere, by solid angle
     brightest = float(image.max(initial=0.0))
     smaller = reduced(image, _ROWS, _COLUMNS) if image.shape[0] > 4 * _ROWS else image.astype(np.float64)
     weight = (
@@ -116,6 +117,7 @@ def _statistics(image: NDArray[np.float32], has_delta: bool) -> LightProbe:
     if level <= 0:
         bands, spectrum = np.zeros(LMAX + 1), np.zeros((LMAX + 1, LMAX + 1), dtype=np.complex128)
         return LightProbe((0.0, 0.0, 0.0), UNRESOLVED if has_delta else 0.0, 0.0, 0.0, 0.0, bands, spectrum, grey)
+    # Spherical harmonics, relative to the mean
     spectrum = coefficients(grey / level)
     return LightProbe(
         mean=(float(mean[0]), float(mean[1]), float(mean[2])),

@@ -106,6 +106,7 @@ def _mixture(
     if not used.any():
         return _NOTHING
     alphas, plain, grazing = alphas[used], plain[used], grazing[used]
+    # Dictionary of Gaussians, each _RATIO times as wide as the last, and the densities to fit at sampled slopes
     steps = int(np.ceil(np.log(_WIDEST / (_NARROWEST * alphas.min())) / np.log(_RATIO)))
     sigmas = _NARROWEST * alphas.min() * _RATIO ** np.arange(steps + 1)
     slope = np.geomspace(0.05 * alphas.min(), _STEEPEST, 300)[:, None]
@@ -119,6 +120,7 @@ def _mixture(
             axis=1,
         )
 
+    # Least relative squares per channel; Gaussians with almost no energy are dropped
     weights, graze = fitted(plain), fitted(grazing)
     energy = weights.sum(axis=1) + graze.sum(axis=1)
     kept = energy > _FAINTEST * energy.sum()

@@ -102,12 +102,14 @@ class CarPaint:
         self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool
     ) -> tuple[mi.UnpolarizedSpectrum, mi.Float]:
         """Value of f·cos θ_o for unpolarised light, and density."""
+        # Directions inside the coat, transmittance, and the factor of the solid angle on refraction
         active = active & (si.wi.z > 0) & (wo.z > 0)
         colours = self._spectra.at(si)
         i, o = self._side(si.wi, colours), self._side(wo, colours)
         shares = self._shares(ctx, i.cosine)
         through = i.transmitted * o.transmitted * (o.cosine / self._eta**2)
         squeeze = o.cosine / (self._eta**2 * o.inner.z)  # dω' / dω
+        # Components below the coat, then the coat itself
         value, pdf = mi.UnpolarizedSpectrum(0), mi.Float(0)
         if PIGMENT in shares:
             value += through * colours.diffuse * i.entry * o.entry * dr.inv_pi
@@ -136,6 +138,7 @@ class CarPaint:
         active: mi.Bool = True,
     ) -> tuple[mi.BSDFSample3f, mi.Spectrum]:
         """Sample a direction from one component, weighted by the density of all components."""
+        # Sample a direction from one component, chosen by its share
         shares = self._shares(ctx, si.wi.z)
         drawn = dr.zeros(mi.BSDFSample3f, dr.width(si.wi))
         drawn.eta = 1.0
@@ -147,6 +150,7 @@ class CarPaint:
             drawn.sampled_component = dr.select(chosen, mi.UInt32(component), drawn.sampled_component)
             kind = int(self.m_components[component]) & int(mi.BSDFFlags.All)
             drawn.sampled_type = dr.select(chosen, mi.UInt32(kind), drawn.sampled_type)
+        # Weight by the density of all smooth components; a smooth coat is a delta lobe with a density of its own
         active = active & (si.wi.z > 0) & (drawn.wo.z > 0)
         value, drawn.pdf = self._unpolarised(ctx, si, drawn.wo, active)
         weight = value / dr.select(drawn.pdf > 0, drawn.pdf, 1)
@@ -164,6 +168,7 @@ class CarPaint:
 
     def _prepare(self, recipe: PaintRecipe) -> None:
         """Solve the layers, and copy their tables and parameters to the device as opaque data."""
+        # Components and their flags
         tables = recipe.solve()
         flags = mi.BSDFFlags
         coat = flags.GlossyReflection if recipe.coat_alpha > 0 else flags.DeltaReflection
@@ -172,6 +177,7 @@ class CarPaint:
             kinds.append(flags.GlossyReflection)
         self.m_components = [kind | flags.FrontSide for kind in kinds]
         self.m_flags = int(np.bitwise_or.reduce([int(kind) for kind in self.m_components]))
+        # Parameters and tables on the device
         self._is_smooth = recipe.coat_alpha == 0
         self._eta = dr.opaque(mi.Float, recipe.int_ior)
         self._flake_ggx, self._retro_ggx = ggx(recipe.flakes.alpha), ggx(recipe.retro.alpha)
