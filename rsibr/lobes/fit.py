@@ -67,9 +67,8 @@ class ProxyLobe:
         """Geometric mean roughness, weighted by energy at normal incidence; `LAMBERT` for a matte lobe."""
         if self.is_matte:
             return LAMBERT
-        weights = [
-            float(c.sum() - 0.95 * c[1:2].sum()) + _TINY for c in self.coefficients
-        ]  # grazing terms are small at normal incidence
+        # Grazing terms are small at normal incidence
+        weights = [float(c.sum() - 0.95 * c[1:2].sum()) + _TINY for c in self.coefficients]
         return float(np.exp(np.average(np.log(self.alphas), weights=weights)))
 
 

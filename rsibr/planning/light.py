@@ -13,10 +13,10 @@ from rsibr.planning.resolution import LEAST_RESOLUTION, sufficient_resolution
 from rsibr.scene.config import EffectsConfig, SamplingConfig
 
 EVEN = 0.5
-"""Relative variance of the radiance up to which a sky counts as even: the BSDF's samples miss no source in it."""
+"""Relative variance of the radiance up to which the environment counts as even: BSDF sampling misses no source."""
 
 NO_NOISIER = 1.0
-"""Variance by the BSDF's samples alone, over that with the light's samples, up to which these are work for nothing."""
+"""Variance of BSDF sampling alone, over that of both, up to which emitter sampling does not pay."""
 
 
 @dataclass(frozen=True)

@@ -78,5 +78,5 @@ def _why_all_alike(lobes: tuple[LobePlan, ...], views: ViewsConfig, settings: Ef
     if not any(lobe.maps_needed for lobe in lobes):
         return "one map is baked"
     if views.file is not None:
-        return "views of one's own are not nested: all of them keep the lobes apart"
-    return "" if fewer else f"no lobe is kept apart in fewer than {VIEW_COUNTS[0]} views"
+        return "views from a file are not nested: every view stores all lobes"
+    return "" if fewer else f"no lobe is stored in fewer than {VIEW_COUNTS[0]} views"

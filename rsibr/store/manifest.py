@@ -375,9 +375,8 @@ class Manifest(_Record):
             If `config` or `identity` contains an object that is not JSON data.
         """
         rows = [(float(x), float(y), float(z)) for x, y, z in np.asarray(directions, np.float64)]
-        plain_config = json.loads(
-            json.dumps(config, allow_nan=False)
-        )  # in order, by which Mitsuba identifies nested plugins
+        # Keys keep their order, by which Mitsuba identifies nested plugins
+        plain_config = json.loads(json.dumps(config, allow_nan=False))
         return cls(
             config=plain_config,
             config_hash=checksum(canonical(plain_config)),

@@ -166,9 +166,8 @@ class _Inside:
         x, w = np.polynomial.legendre.leggauss(_QUADRATURE)
         x, w = (x + 1) / 2, w / 2
         critical = np.sqrt(1 - 1 / eta**2)
-        self.cosine = np.concatenate(
-            [critical * x, inner_cosine(x, eta)]
-        )  # Fresnel reflectance is smooth in the cosine outside
+        # Beyond the critical angle Fresnel reflectance is smooth in the cosine outside
+        self.cosine = np.concatenate([critical * x, inner_cosine(x, eta)])
         self.flux = np.concatenate([critical**2 * x * w, x * w / eta**2])
         reflected = fresnel(x, eta) * np.interp(np.sqrt(x), np.sqrt(outer), coat / fresnel(outer, eta))
         transmitted = np.concatenate([np.zeros_like(x), 1 - reflected])[:, None]
