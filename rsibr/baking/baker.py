@@ -35,6 +35,7 @@ from rsibr.planning.plan import Plan
 from rsibr.scene.config import Config, load_config
 from rsibr.scene.environment import Environment, load_environment
 from rsibr.scene.material import ANISOTROPIC, Material, load_material
+from rsibr.scene.python_plugins import load_plugins
 from rsibr.scene.views import load_viewpoints
 from rsibr.store.bake import Bake, BakeWriter, open_bake
 from rsibr.store.layers import layered
@@ -75,6 +76,7 @@ class Progress:
     blocks: int
 
 
+@backend.in_session
 def bake(
     config: Config | Path | str,
     *,
@@ -121,6 +123,7 @@ def bake(
     settings = config if isinstance(config, Config) else load_config(Path(config), overrides)
     if settings.budget is not None:
         raise ValueError("rsibr.budget.choose decides on a budget")
+    load_plugins(settings.plugin_modules)
     backend.use()
     environment, material = load_environment(settings.environment), load_material(settings.material)
     plan, probed = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples).size)

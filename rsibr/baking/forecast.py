@@ -17,10 +17,12 @@ from rsibr.planning.plan import Plan
 from rsibr.scene.config import Config, load_config
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
+from rsibr.scene.python_plugins import load_plugins
 from rsibr.scene.views import load_viewpoints
 from rsibr.store.manifest import SamplingRecord
 
 
+@backend.in_session
 def plan(config: Config | Path | str, *, overrides: Sequence[str] = ()) -> Plan:
     """Say which effects a scene calls for, with the evidence, the cost and what leaving each out would do.
 
@@ -50,6 +52,7 @@ def plan(config: Config | Path | str, *, overrides: Sequence[str] = ()) -> Plan:
 def forecast(settings: Config) -> tuple[Plan, SamplingRecord | None]:
     """Plan, and the samples that a bake would take where the config leaves their count to an error or a time."""
     begun = time.perf_counter()
+    load_plugins(settings.plugin_modules)
     backend.use()
     environment, material = load_environment(settings.environment), load_material(settings.material)
     viewpoints = load_viewpoints(settings.views)

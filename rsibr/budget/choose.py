@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rsibr import backend
 from rsibr.baking.baker import Progress
 from rsibr.baking.baker import bake as run_bake
 from rsibr.baking.calibration import map_overhead, sample_seconds
@@ -54,6 +55,7 @@ class Size:
     views: ViewsConfig
 
 
+@backend.in_session
 def bake(
     config: Config | Path | str,
     *,
@@ -99,6 +101,7 @@ def bake(
     return open_bake(path)
 
 
+@backend.in_session
 def plan(config: Config | Path | str, *, overrides: Sequence[str] = ()) -> Plan:
     """Say what a bake would simulate, of the size that its budget would choose; see `rsibr.baking.forecast.plan`."""
     return planned(config if isinstance(config, Config) else load_config(Path(config), overrides))[0]

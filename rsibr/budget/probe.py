@@ -31,6 +31,7 @@ from rsibr.methods.registry import MethodSet
 from rsibr.scene.config import Config, MapConfig, ViewsConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
+from rsibr.scene.python_plugins import load_plugins
 from rsibr.scene.views import load_viewpoints
 from rsibr.store.bake import Bake
 from rsibr.store.manifest import ProbeRecord, SamplingRecord
@@ -99,6 +100,7 @@ class ProbedScene:
     """
 
     def __init__(self, config: Config) -> None:
+        load_plugins(config.plugin_modules)
         backend.use()
         self.config = config
         self._environment, self._material = load_environment(config.environment), load_material(config.material)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.options import Config, Json
+from rsibr.cli.options import Config, Imports, Json, imported
 
 
 def bake(
@@ -24,19 +24,20 @@ def bake(
         typer.Option(help="Clamp samples of more radiance than this: less noise, and a bias that `check` reports."),
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start anew, whatever OUT holds of an earlier bake.")] = False,
+    imports: Imports = None,
     json_output: Json = False,
 ) -> None:
     """Render the radiance sphere maps of all views. A bake that was killed goes on where it was."""
     from rsibr.budget.choose import bake as run_bake
     from rsibr.cli.console import bake_progress, note_health, note_peculiarities
     from rsibr.cli.promises import promises, reached_lines
+    from rsibr.scene.config import load_config
 
     overrides = [*(overrides or ()), *(() if clamp is None else (f"sampling.clamp={clamp}",))]
 
+    settings = load_config(config, overrides).with_plugins(imported(imports))
     with bake_progress() as show:
-        finished = run_bake(
-            config, out=out or Path(f"{config.stem}.rsibr"), overrides=overrides, fresh=fresh, on_progress=show
-        )
+        finished = run_bake(settings, out=out or Path(f"{config.stem}.rsibr"), fresh=fresh, on_progress=show)
     note_peculiarities(finished)
     note_health(finished)
     if json_output:

@@ -20,6 +20,7 @@ from rsibr.planning.colour import ColourEffects
 from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment, load_environment
 from rsibr.scene.material import Material, load_material
+from rsibr.scene.python_plugins import load_plugins
 from rsibr.scene.views import load_viewpoints
 from rsibr.store.atomic import file_checksum
 from rsibr.studies.config import StudyConfig
@@ -95,6 +96,7 @@ class Scene:
 
 def load_scenes(study: StudyConfig, resolution: int) -> list[Scene]:
     """Load every scene of a study, and give each a name of its own."""
+    load_plugins(name for config in study.scenes for name in config.plugin_modules)
     loaded = [(config, load_environment(config.environment), load_material(config.material)) for config in study.scenes]
     materials = _names({f"{m.digest} {m.warp}": _with_warp(m.name, c.material.warp) for c, _, m in loaded})
     environments = _names({environment.digest: environment.name for _, environment, _ in loaded})

@@ -19,6 +19,7 @@ from rsibr.methods.registry import METHODS, MethodSet, available, checked_name
 from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment, load_environment
 from rsibr.scene.material import Material, load_material
+from rsibr.scene.python_plugins import load_plugins
 from rsibr.store.bake import Bake, open_bake
 from rsibr.validation.flip import exposures_for
 from rsibr.validation.health.health import Health, assess
@@ -41,6 +42,7 @@ _VIEW_BRANCH = 0x76696577
 """Branch of the seed tree (the letters "view") that novel views are drawn from."""
 
 
+@backend.in_session
 def validate(
     bake: Bake | Path | str,
     *,
@@ -179,6 +181,7 @@ def _trusted_health(bake: Bake, views: list[NDArray[np.float64]], out: Path | st
 def _scene_of(bake: Bake) -> tuple[Environment, Material]:
     """Load what the bake was made from, and make sure that it still is."""
     config = Config.model_validate(bake.config)
+    load_plugins(config.plugin_modules)
     environment, material = load_environment(config.environment), load_material(config.material)
     for kind, digest in (("environment", environment.digest), ("material", material.digest)):
         if bake.manifest.identity[kind]["content"] != digest:

@@ -15,6 +15,7 @@ from rsibr.errors import InputError
 from rsibr.geometry.viewpoints import from_directions
 from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment, load_environment
+from rsibr.scene.python_plugins import load_plugins
 from rsibr.store.bake import Bake
 from rsibr.store.health import MapHealth, map_health
 from rsibr.store.map_file import MapFile
@@ -304,7 +305,9 @@ def _drawn(seen: MapHealth) -> Rgba:
 def _judge_energy(bake: Bake, means: MapMeans) -> tuple[list[Drift], list[int], str]:
     """Drifting views, views above the environment, and why they were not judged if they were not."""
     try:
-        environment = load_environment(Config.model_validate(bake.config).environment)
+        config = Config.model_validate(bake.config)
+        load_plugins(config.plugin_modules)
+        environment = load_environment(config.environment)
     except InputError as error:
         return [], [], f"the environment cannot be loaded: {error}"
     if bake.manifest.identity["environment"]["content"] != environment.digest:
