@@ -82,7 +82,7 @@ def test_a_sys_executable_that_is_no_python_is_passed_over(name, tmp_path, monke
     started = tmp_path / "started"
     fake = _program(tmp_path / name, f"#!/bin/sh\ntouch {started}\nexit 3\n")
     monkeypatch.setattr(sys, "executable", fake)
-    monkeypatch.setattr(interpreter, "get_executable", lambda: fake.encode())
+    monkeypatch.setattr(interpreter, "get_executable", fake.encode)
     code = trial._run_child('{"material": {"bsdf": {"type": "diffuse"}}}', "here")
     assert code == 0
     assert started.exists() == (name != "blender")
