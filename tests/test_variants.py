@@ -14,6 +14,8 @@ import pytest
 import rsibr
 from rsibr import backend
 from rsibr.errors import RsibrError
+from rsibr.geometry.frame import view_frame
+from rsibr.methods.method_set import MethodSet
 from tests.cli.command import write_config
 
 USERS = ("scalar_rgb", "llvm_ad_spectral")
@@ -98,6 +100,25 @@ def test_what_rsibr_made_earlier_works_in_any_variant(scene):
         assert mi.variant() == users
     np.testing.assert_array_equal(maps[0], maps[1])
     np.testing.assert_array_equal(maps[0], maps[2])
+
+
+@pytest.mark.parametrize("name", ["nearest", "cabral1999", "rsibr"])
+def test_a_method_made_earlier_works_in_any_variant(name, scene):
+    """Its map and its lookup, made ready in one variant of the user's and used in the others."""
+    normals, view = np.eye(3, dtype=np.float32), np.array([0.6, 0.0, 0.8], dtype=np.float32)
+    n, v = mi.Vector3f(normals), mi.Vector3f(view)
+    frame = view_frame(view.astype(np.float64))
+    mi.set_variant(USERS[0])
+    method = MethodSet(rsibr.open_bake(scene[1]))[name]
+    found = [(np.array(method.map(frame, 8)), np.array(method.eval(n, v)))]
+    for users in (*USERS, "llvm_ad_rgb"):
+        mi.set_variant(users)
+        found.append((np.array(method.map(frame, 8)), np.array(method.eval(n, v))))
+        assert mi.variant() == users
+    for image, values in found[1:]:
+        np.testing.assert_array_equal(image, found[0][0])
+        np.testing.assert_array_equal(values, found[0][1])
+    assert np.isfinite(found[0][1]).all()
 
 
 FRESH = """
