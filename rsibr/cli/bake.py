@@ -28,7 +28,8 @@ def bake(
     json_output: Json = False,
 ) -> None:
     """Render the radiance sphere maps of all views. A bake that was killed goes on where it was."""
-    from rsibr.budget.choose import bake as run_bake
+    from rsibr.baking.finished import finished_bake
+    from rsibr.budget.bake import bake as run_bake
     from rsibr.cli.console import bake_progress, note_health, note_peculiarities
     from rsibr.cli.promises import promises, reached_lines
     from rsibr.scene.config import load_config
@@ -36,13 +37,16 @@ def bake(
     overrides = [*(overrides or ()), *(() if clamp is None else (f"sampling.clamp={clamp}",))]
 
     settings = load_config(config, overrides).with_plugins(imported(imports))
+    path = out or Path(f"{config.stem}.rsibr")
+    known = None if fresh else finished_bake(settings, path)
     with bake_progress() as show:
-        finished = run_bake(settings, out=out or Path(f"{config.stem}.rsibr"), fresh=fresh, on_progress=show)
+        finished = known or run_bake(settings, out=path, fresh=fresh, on_progress=show)
     note_peculiarities(finished)
     note_health(finished)
     if json_output:
         state = {
             "bake": str(finished.path),
+            "already_complete": known is not None,
             "views": finished.view_count,
             "resolution": finished.resolution,
             "seconds": finished.seconds,
@@ -53,8 +57,9 @@ def bake(
         }
         typer.echo(json.dumps(state))
     else:
+        complete = "" if known is None else "already complete, "
         typer.echo(
-            f"{finished.path}: {finished.view_count} views of {finished.resolution}², "
+            f"{finished.path}: {complete}{finished.view_count} views of {finished.resolution}², "
             f"{finished.seconds:.1f} s, {finished.bytes / 2**20:.1f} MiB"
         )
         for line in reached_lines(finished.manifest):

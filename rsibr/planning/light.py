@@ -28,7 +28,7 @@ class Resolution:
     asked : int
         By the config, or its default.
     explicit : bool
-        Whether the config itself says so: then nothing but `effects.resolution = "off"` lowers it.
+        Whether the config says so, not "auto": then nothing but `effects.resolution = "off"` lowers it.
     """
 
     asked: int
@@ -90,7 +90,7 @@ def sampling_effect(
     return decided(
         "light_sampling", settings.light_sampling, evidence, threshold, unit, why_on, why_off,
         # No bias, but noise: that of as many samples of a mirror that is smeared over the whole sky
-        error_if_left_out=min(1.0, light.variance / sampling.samples) if evidence > threshold else 0.0,
+        error_if_left_out=min(1.0, light.variance / sampling.count) if evidence > threshold else 0.0,
     )  # fmt: skip
 
 

@@ -51,20 +51,22 @@ class Probes:
         return is_even(self.light) and glossy_or_matte and not self.light.is_black
 
 
-def probe_scene(environment: Environment, bsdf: mi.BSDF) -> Probes:
+def probe_scene(environment: Environment, bsdf: mi.BSDF, split: LobeSplit | None = None) -> Probes:
     """Measure the material and the light.
 
     Parameters
     ----------
     environment : Environment
     bsdf : mi.BSDF
+    split : LobeSplit, optional
+        Of the BSDF, where it is known already; by default it is fitted here.
 
     Returns
     -------
     Probes
     """
     start = time.perf_counter()
-    split = LobeSplit.of(bsdf)
+    split = split or LobeSplit.of(bsdf)
     material = probe_material(bsdf, split)
     light = probe_light(environment.emitter(), environment.image)
     return Probes(light, material, split, time.perf_counter() - start)
@@ -96,7 +98,7 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     settings, light, material = config.effects, probes.light, probes.material
     errors = left_out_errors(probes.split.lobes, material.lobes, light)
     left_out = {lobe.name: error for lobe, error in zip(material.lobes, errors, strict=True)}
-    asked = Resolution(config.map.resolution, "resolution" in config.map.model_fields_set)
+    asked = Resolution(config.map.side, explicit=config.map.resolution != "auto")
     full, resolution = resolution_effect(probes.split.lobes, material.lobes, light, asked, settings)
     spectra = ColourEffects.of(config)
     colour = colour_effect(material, light, settings, spectra.rendering != "rgb")

@@ -38,7 +38,7 @@ def lobe_views(
     lobes : tuple of LobePlan
         The same, with `LobePlan.own_views`.
     """
-    count = VIEW_COUNTS[views.subdivision]
+    count = VIEW_COUNTS[views.level]
     fewer = max((smaller for smaller in VIEW_COUNTS if smaller < count), default=0)
     forced, why_on = settings.lobe_views, "each lobe is a layer of its own in all views"
     if alike := _why_all_alike(lobes, views, settings, fewer):

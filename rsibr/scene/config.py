@@ -16,14 +16,13 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    SerializerFunctionWrapHandler,
     ValidationError,
     ValidationInfo,
-    model_serializer,
     model_validator,
 )
 
 from rsibr.errors import InputError
+from rsibr.scene.auto import Auto, Between
 from rsibr.scene.config_errors import describe
 from rsibr.scene.overrides import apply_overrides, override_keys
 from rsibr.scene.plugins_config import PluginsConfig
@@ -84,6 +83,15 @@ PluginTable = Annotated[dict[str, Any], BeforeValidator(_plugin)]
 """A Mitsuba plugin as plain data: a `type`, and finite numbers, strings, booleans, lists and nested plugins."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+DEFAULT_RESOLUTION = 256
+"""Texels a side where nothing decides otherwise."""
+
+DEFAULT_SAMPLES = 1024
+"""Samples a texel where nothing decides otherwise."""
+
+DEFAULT_SUBDIVISION = 0
+"""Subdivisions of the icosahedron where nothing decides otherwise."""
 
 
 class _Section(BaseModel):
@@ -154,26 +162,48 @@ class ViewsConfig(_Section):
 
     Attributes
     ----------
-    subdivision : int
-        0 to 5: 12, 42, 162, 642, 2562, 10242 views.
+    subdivision : int or "auto"
+        0 to 5: 12, 42, 162, 642, 2562, 10242 views. "auto": as a budget decides, otherwise `DEFAULT_SUBDIVISION`.
     file : Path, optional
         JSON with `directions` (N, 3) and `triangles` (M, 3), instead of an icosahedron.
     """
 
-    subdivision: int = Field(default=0, ge=0, le=5)
+    subdivision: Annotated[int | Auto, Between(0, 5)] = "auto"
     file: FilePath | None = None
+
+    @property
+    def level(self) -> int:
+        """Subdivisions of the icosahedron; the default where they are left open."""
+        return DEFAULT_SUBDIVISION if self.subdivision == "auto" else self.subdivision
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the config leaves it to a budget which views are stored."""
+        return self.file is None and self.subdivision == "auto"
 
     @model_validator(mode="after")
     def _one_source(self) -> ViewsConfig:
-        if self.file is not None and self.subdivision != 0:
+        if self.file is not None and self.subdivision not in ("auto", 0):  # 0: in manifests older than "auto"
             raise ValueError("give either subdivision or file, not both")
         return self
 
 
 class MapConfig(_Section):
-    """The sphere maps: `resolution` texels a side, 8 to 4096."""
+    """The sphere maps.
 
-    resolution: int = Field(default=256, ge=8, le=4096)
+    Attributes
+    ----------
+    resolution : int or "auto"
+        Texels a side, 8 to 4096. "auto": as a budget decides, otherwise `DEFAULT_RESOLUTION`, lowered where the
+        evidence says that fewer texels hold all that the light casts.
+    """
+
+    resolution: Annotated[int | Auto, Between(8, 4096)] = "auto"
+
+    @property
+    def side(self) -> int:
+        """Texels a side; the default where they are left open."""
+        return DEFAULT_RESOLUTION if self.resolution == "auto" else self.resolution
 
 
 class SamplingConfig(_Section):
@@ -181,8 +211,9 @@ class SamplingConfig(_Section):
 
     Attributes
     ----------
-    samples : int
-        Samples a texel, 4 to 2^24; on average, where they are adaptive.
+    samples : int or "auto"
+        Samples a texel, 4 to 2^24; on average, where they are adaptive. "auto": as a budget, an error or a time
+        decides, otherwise `DEFAULT_SAMPLES`.
     target_error : float, optional
         Noise that the stored maps may have, as relMSE, mean over the views: as many samples as that takes.
     time_budget_s : float, optional
@@ -195,12 +226,17 @@ class SamplingConfig(_Section):
         Radiance above which a single sample is clamped: fewer fireflies, and maps that are too dark. By default none.
     """
 
-    samples: int = Field(default=1024, ge=4, le=2**24)
+    samples: Annotated[int | Auto, Between(4, 2**24)] = "auto"
     target_error: Finite | None = Field(default=None, gt=0.0)
     time_budget_s: Finite | None = Field(default=None, gt=0.0)
     adaptive: bool = True
     seed: int = Field(default=0, ge=0, lt=2**63)
     clamp: Finite | None = Field(default=None, gt=0.0)
+
+    @property
+    def count(self) -> int:
+        """Samples a texel; the default where they are left open."""
+        return DEFAULT_SAMPLES if self.samples == "auto" else self.samples
 
     @property
     def decided_later(self) -> bool:
@@ -210,23 +246,16 @@ class SamplingConfig(_Section):
     @model_validator(mode="after")
     def _one_count(self) -> SamplingConfig:
         counts = {name: getattr(self, name) for name in ("samples", "target_error", "time_budget_s")}
-        given = [name for name, value in counts.items() if name in self.model_fields_set and value is not None]
+        given = [name for name, value in counts.items() if value not in (None, "auto")]
         if len(given) > 1:
             raise ValueError(f"give one of {' and '.join(given)}, not {'all' if len(given) > 2 else 'both'}")
         return self
-
-    @model_serializer(mode="wrap")
-    def _without_a_count_that_was_not_asked_for(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        plain: dict[str, Any] = handler(self)
-        if self.decided_later:
-            del plain["samples"]
-        return plain
 
 
 class BudgetConfig(_Section):
     """A budget of the whole bake: exactly one of `error` and `seconds`.
 
-    It decides on what the config itself leaves open of `map.resolution`, `views.subdivision` and `sampling.samples`.
+    It decides on what the config leaves at "auto" of `map.resolution`, `views.subdivision` and `sampling.samples`.
 
     Attributes
     ----------
@@ -272,7 +301,7 @@ class EffectsConfig(_Section):
         more than the next smaller count of views, 12 or more.
     resolution : Switch
         Whether maps keep all their texels; off: as few a side as the evidence allows, at most half of what was asked
-        and no fewer than 32. `auto` lowers them only where the config itself does not set `map.resolution`.
+        and no fewer than 32. `auto` lowers them only where `map.resolution` is "auto" too.
     spectral : Switch
         Light and material rendered at sampled wavelengths; maps hold the linear RGB that an observer sees of it.
     polarisation : Switch
@@ -340,7 +369,31 @@ class Config(_Section):
         return self.model_dump(mode="json", exclude_none=True)
 
 
-def load_config(path: Path, overrides: Sequence[str] = ()) -> Config:
+ConfigLike = Config | Mapping[str, Any] | Path | str
+"""What the public functions take for a config: one already read, its tables, or the path of a TOML file."""
+
+
+def config_of(config: ConfigLike, overrides: Sequence[str] = ()) -> Config:
+    """Return the config itself, or read and check it.
+
+    Parameters
+    ----------
+    config : Config, mapping or path
+        A config, its tables (relative paths then start at the working folder), or the path of a TOML file.
+    overrides : sequence of str
+        `a.b=value`, laid over it.
+
+    Raises
+    ------
+    InputError
+        See `load_config`.
+    """
+    if isinstance(config, Config):
+        return parse_config(config.to_dict(), Path(), overrides) if overrides else config
+    return parse_config(config, Path(), overrides) if isinstance(config, Mapping) else load_config(config, overrides)
+
+
+def load_config(path: Path | str, overrides: Sequence[str] = ()) -> Config:
     """Read a config from a TOML file.
 
     Parameters

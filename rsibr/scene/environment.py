@@ -129,14 +129,29 @@ def load_environment(config: EnvironmentConfig) -> Environment:
     """
     backend.use()
     untried = require_survival(config, _WHERE) if config.emitter is not None else ""
+    environment = _read(config)
+    _check_emitter(environment, str(config.file) if config.file else _WHERE)
+    warn_untried(untried)
+    return environment
+
+
+def environment_digest(config: EnvironmentConfig) -> str:
+    """Digest of the content as `load_environment` finds it; files are read, and Mitsuba loads nothing.
+
+    Raises
+    ------
+    InputError
+        If a file is gone or cannot be used.
+    """
+    return _read(config).digest
+
+
+def _read(config: EnvironmentConfig) -> Environment:
     plugin: dict[str, Any] = config.emitter or {"type": "envmap", "filename": str(config.file)}
     name = config.file.stem if config.file else str(plugin["type"])
     plugin = in_every_variant(rotated(plugin, config.rotation_deg, _WHERE), _WHERE)
     build = _map if plugin["type"] == "envmap" else _plain
-    environment = build(name, plugin, config.scale)
-    _check_emitter(environment, str(config.file) if config.file else _WHERE)
-    warn_untried(untried)
-    return environment
+    return build(name, plugin, config.scale)
 
 
 def _map(name: str, plugin: dict[str, Any], scale: float) -> Environment:

@@ -40,14 +40,16 @@ class LatLong:
     lowest: float
 
 
-def read_latlong(path: Path) -> LatLong:
+def read_latlong(path: Path, most_texels: int = MAX_TEXELS) -> LatLong:
     """Read a latitude–longitude map.
 
     Parameters
     ----------
     path : Path
         OpenEXR (half or float; RGB, RGBA, a single channel Y, or one RGB layer; the first part of several) or Radiance
-        HDR (RGBE). Any size and aspect ratio. An EXR that states its primaries is converted to Rec.709.
+        HDR (RGBE). Any aspect ratio. An EXR that states its primaries is converted to Rec.709.
+    most_texels : int
+        Texels at most.
 
     Raises
     ------
@@ -66,10 +68,10 @@ def read_latlong(path: Path) -> LatLong:
         names = [field.name for field in bitmap.struct_()]
     if is_exr:
         _check_whole_panorama(path)
-    if pixels.shape[0] * pixels.shape[1] > MAX_TEXELS:
+    if pixels.shape[0] * pixels.shape[1] > most_texels:
         height, width = pixels.shape[:2]
         raise InputError(
-            f"{width} × {height} texels are more than {MAX_TEXELS}", where=str(path), fix="scale the map down"
+            f"{width} × {height} texels are more than {most_texels}", where=str(path), fix="scale the map down"
         )
     image = _rgb(pixels.reshape(*pixels.shape[:2], -1), names, path)
     _check_finite(image, path)

@@ -87,6 +87,19 @@ def load_material(config: MaterialConfig) -> Material:
     return Material(name, bsdf_digest(source, where), warp, _notes(bsdf), source, where)
 
 
+def material_digest(config: MaterialConfig) -> str:
+    """Digest of the content as `load_material` finds it; Mitsuba parses the files and loads nothing.
+
+    Raises
+    ------
+    InputError
+        If a file is gone or is no XML.
+    """
+    backend.use()
+    _, source, where = _source_of(config)
+    return bsdf_digest(source, where)
+
+
 def _notes(bsdf: mi.BSDF) -> tuple[str, ...]:
     if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Anisotropic):
         return (ANISOTROPIC,)

@@ -1,8 +1,7 @@
 """Loads what a user wrote for Mitsuba in a process of its own first: a crash in there ends as a clear error here.
 
-Some plugins end the process on input that they do not expect. `python -m rsibr.scene.trial` reads one config section as
-JSON from stdin, loads it with the code that the caller is about to use, and evaluates and samples it once. Only a crash
-or a hang is a finding: what Mitsuba refuses in an orderly way, the caller hears from Mitsuba itself.
+Some plugins end the process on input that they do not expect. The other process is `rsibr.scene.trial_child`. Only a
+crash or a hang is a finding: what Mitsuba refuses in an orderly way, the caller hears from Mitsuba itself.
 
 The child imports the modules of plugins that its parent has loaded (`rsibr.scene.python_plugins`). It cannot see a
 plugin that was registered by hand, with `mi.register_bsdf` in the parent: such a section is loaded without a trial, and
@@ -16,20 +15,15 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import warnings
 from pathlib import Path
-from typing import Any
 
-import drjit as dr
-import mitsuba as mi
-
-from rsibr.errors import InputError, RsibrError
+from rsibr.errors import InputError
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.interpreter import OVERRIDE, interpreters, search_path
 from rsibr.scene.mitsuba_bsdf import types_named_in
 from rsibr.scene.plugin import named_files, named_types
-from rsibr.scene.python_plugins import load_plugins, plugin_modules, registered_by_hand, sources_of
+from rsibr.scene.python_plugins import plugin_modules, registered_by_hand, sources_of
 
 TIMEOUT = 60.0
 """Seconds after which a trial counts as hung; an honest one takes one or two."""
@@ -42,12 +36,10 @@ BEGUN = "rsibr trial begun"
 
 _NAME_THE_MODULE = 'Name its module in the config, as in plugins = {modules = ["my_plugins"]}, or with --import'
 
-_DIRECTIONS = 64
-
 _survived: set[str] = set()
 
 
-def require_survival(config: EnvironmentConfig | MaterialConfig, where: str) -> str:
+def require_survival(config: EnvironmentConfig | MaterialConfig, where: str, timeout: float = TIMEOUT) -> str:
     """Load an environment or a material in a child process, unless the same content has survived that before.
 
     Parameters
@@ -56,6 +48,8 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str) -> 
         The section that names it.
     where : str
         File or config key that an error names.
+    timeout : float
+        Seconds after which the child counts as hung.
 
     Returns
     -------
@@ -65,7 +59,7 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str) -> 
     Raises
     ------
     InputError
-        If the child crashes, or does not end within `TIMEOUT`.
+        If the child crashes, or does not end in time.
     """
     if os.environ.get(IN_TRIAL):
         return ""
@@ -81,7 +75,7 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str) -> 
     content = hashlib.sha256(json.dumps({kind: section}).encode() + b"".join(map(_content, files))).hexdigest()
     if content in _survived:
         return ""
-    code = _run_child(document, where)
+    code = _run_child(document, where, timeout)
     if code is None:
         return f"no Python interpreter was found to try {where} in. Name one in {OVERRIDE}"
     if code < 0:
@@ -100,46 +94,10 @@ def warn_untried(reason: str) -> None:
         warnings.warn(f"loaded without a trial, so that a crash would have ended this process: {reason}", stacklevel=3)
 
 
-def try_section(document: dict[str, Any]) -> None:
-    """Load the section that `document` holds, evaluate and sample it; raises as the loader does."""
-    # Imported here, for the loaders import this module.
-    from rsibr.scene.environment import load_environment  # noqa: PLC0415
-    from rsibr.scene.material import load_material  # noqa: PLC0415
-
-    load_plugins(document.get("modules", ()))
-    context = {"base": Path.cwd()}
-    if "environment" in document:
-        load_environment(EnvironmentConfig.model_validate(document["environment"], context=context))
-        return  # which has looked at it from all sides
-    material = load_material(MaterialConfig.model_validate(document["material"], context=context))
-    _exercise(material.bsdf())
-
-
-def main() -> int:
-    """Run one trial; the exit code says nothing but that the process ended by itself."""
-    document = json.load(sys.stdin)
-    print(BEGUN, flush=True)  # noqa: T201  # to the process that waits for it
-    try:
-        try_section(document)
-    except (RsibrError, RuntimeError):  # said again, and better, by the process that asked
-        return 1
-    return 0
-
-
-def _exercise(bsdf: mi.BSDF) -> None:
-    u = dr.linspace(mi.Float, 0.01, 0.99, _DIRECTIONS)
-    si = dr.zeros(mi.SurfaceInteraction3f)
-    si.wi = mi.warp.square_to_cosine_hemisphere(mi.Point2f(u, dr.opaque(mi.Float, 0.5)))
-    context = mi.BSDFContext()
-    sample, weight = bsdf.sample(context, si, u, mi.Point2f(u, u))
-    dr.eval(weight, bsdf.eval(context, si, sample.wo), bsdf.pdf(context, si, sample.wo))
-    dr.sync_thread()
-
-
-def _run_child(document: str, where: str) -> int | None:
+def _run_child(document: str, where: str, timeout: float = TIMEOUT) -> int | None:
     """Exit code of a trial, negative where a signal ended it; None where no interpreter could begin one."""
     for interpreter in interpreters():
-        code, begun = _attempt(interpreter, document, where)
+        code, begun = _attempt(interpreter, document, where, timeout)
         if begun:
             return code
     if os.environ.get(OVERRIDE):
@@ -149,20 +107,20 @@ def _run_child(document: str, where: str) -> int | None:
     return None
 
 
-def _attempt(interpreter: str, document: str, where: str) -> tuple[int, bool]:
+def _attempt(interpreter: str, document: str, where: str, timeout: float) -> tuple[int, bool]:
     """Exit code of one interpreter, and whether the trial began in it."""
     try:
         done = subprocess.run(
-            [interpreter, "-P", "-m", "rsibr.scene.trial"],
+            [interpreter, "-P", "-m", "rsibr.scene.trial_child"],
             input=document.encode(),
             env=os.environ | {IN_TRIAL: "1", "PYTHONPATH": search_path()},
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            timeout=TIMEOUT,
+            timeout=timeout,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        raise InputError(f"Mitsuba did not load it within {TIMEOUT:.0f} s", where=where, fix="simplify it") from None
+        raise InputError(f"Mitsuba did not load it within {timeout:.0f} s", where=where, fix="simplify it") from None
     except OSError:  # not executable, or no program at all
         return 0, False
     return done.returncode, BEGUN.encode() in done.stdout
@@ -184,7 +142,3 @@ def _content(file: Path) -> bytes:
 
 def _signal_name(number: int) -> str:
     return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -26,7 +26,7 @@ def load_viewpoints(config: ViewsConfig) -> Viewpoints:
         If the file cannot be read or its views do not cover the sphere.
     """
     if config.file is None:
-        return icosphere(config.subdivision)
+        return icosphere(config.level)
     content = _read_json(config.file)
     if not isinstance(content, dict) or "directions" not in content:
         raise InputError('no "directions" in it', where=str(config.file), fix='give {"directions": [[x, y, z], …]}')

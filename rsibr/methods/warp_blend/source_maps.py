@@ -106,9 +106,8 @@ class SourceMaps:
 
     @classmethod
     def none(cls) -> SourceMaps:
-        """Return maps of no view: for a method that looks none up, or none yet."""
-        nothing = np.zeros((0, 3, 3))
-        return cls.from_arrays(np.zeros((0, 1, 1, 3), np.float32), np.zeros((0, 1, 1), np.float32), nothing)
+        """Return one black texel: for a method that looks no map up, or none yet. A kernel cannot hold empty arrays."""
+        return cls.from_arrays(np.zeros((1, 1, 1, 3), np.float32), np.ones((1, 1, 1), np.float32), np.eye(3)[None])
 
     def view(self, index: mi.UInt32) -> StoredView:
         """Look up the frame of the stored view `index`, one a lane."""
