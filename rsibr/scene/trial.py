@@ -1,4 +1,4 @@
-"""Loads what a user wrote for Mitsuba in a process of its own first: a crash in there ends as a clear error here.
+"""Trial of a user's plugin in a child process, so that a crash of Mitsuba becomes an error message.
 
 Some plugins end the process on input that they do not expect. The other process is `rsibr.scene.trial_child`. Only a
 crash or a hang is a finding: what Mitsuba refuses in an orderly way, the caller hears from Mitsuba itself.
@@ -26,10 +26,10 @@ from rsibr.scene.plugin import named_files, named_types
 from rsibr.scene.python_plugins import plugin_modules, registered_by_hand, sources_of
 
 TIMEOUT = 60.0
-"""Seconds after which a trial counts as hung; an honest one takes one or two."""
+"""Seconds after which a trial counts as hung; it normally takes one or two."""
 
 IN_TRIAL = "RSIBR_IN_TRIAL"
-"""Environment variable that is set where a trial runs, so that it starts no other."""
+"""Environment variable that is set in a trial, so that it starts no further one."""
 
 BEGUN = "rsibr trial begun"
 """What the child says once everything is imported; whoever does not say it is no Python that could try anything."""
@@ -45,7 +45,7 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str, tim
     Parameters
     ----------
     config : EnvironmentConfig or MaterialConfig
-        The section that names it.
+        The section of the config.
     where : str
         File or config key that an error names.
     timeout : float
