@@ -10,6 +10,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 _IMPORTED = time.perf_counter()
+_ready: list[float] = []
 _waiting_since: ContextVar[float | None] = ContextVar("waiting_since", default=None)
 
 
@@ -54,6 +55,17 @@ def counting(since: float | None = None) -> Iterator[float]:
         yield begun
     finally:
         _waiting_since.reset(token)
+
+
+def note_ready() -> None:
+    """Note that the backend is ready; of the first call what has passed since the process started is the start-up."""
+    if not _ready:
+        _ready.append(time.perf_counter())
+
+
+def start_up_seconds() -> float | None:
+    """Time from the start of the process until the backend was ready [s]; None where none has been used."""
+    return _ready[0] - process_start() if _ready else None
 
 
 def waiting_since() -> float:

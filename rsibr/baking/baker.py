@@ -40,6 +40,7 @@ RETROREFLECTIVE = (
 )
 
 
+@backend.in_session
 def bake(
     config: ConfigLike | Scene,
     *,

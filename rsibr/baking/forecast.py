@@ -16,6 +16,7 @@ from rsibr.scene.config import ConfigLike
 from rsibr.store.manifest import SamplingRecord
 
 
+@backend.in_session
 def plan(config: ConfigLike, *, overrides: Sequence[str] = ()) -> Plan:
     """Say which effects a scene calls for, with the evidence, the cost and what leaving each out would do.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rsibr import clock
+from rsibr import backend, clock
 from rsibr.baking.baker import bake as run_bake
 from rsibr.baking.finished import finished_bake
 from rsibr.baking.forecast import forecast
@@ -21,6 +21,7 @@ from rsibr.store.directory import claim_directory
 from rsibr.store.manifest import MANIFEST_NAME, BudgetRecord, Manifest, SamplingRecord, read_manifest
 
 
+@backend.in_session
 def bake(
     config: ConfigLike,
     *,
@@ -71,6 +72,7 @@ def bake(
     return open_bake(path)
 
 
+@backend.in_session
 def plan(config: ConfigLike, *, overrides: Sequence[str] = ()) -> Plan:
     """Say what a bake would simulate, of the size that its budget would choose; see `rsibr.baking.forecast.plan`."""
     return planned(config, overrides)[0]

@@ -45,6 +45,7 @@ _VIEW_BRANCH = 0x76696577
 """Branch of the seed tree (the letters "view") that novel views are drawn from."""
 
 
+@backend.in_session
 def validate(
     bake: Bake | Path | str,
     *,
