@@ -20,14 +20,16 @@ def demo(
 ) -> None:
     """Bake a car paint under a real sky, reconstruct novel views, compare with path tracing, write a report."""
     from rsibr.baking.baker import bake
+    from rsibr.baking.scene import Scene
     from rsibr.cli.console import bake_progress, console, note_peculiarities, step_progress
     from rsibr.resources import configs
     from rsibr.validation.validation import validate
 
+    scene = Scene.prepare(configs() / "demo.toml")
     with bake_progress() as show:
-        baked = bake(configs() / "demo.toml", out=out / "paint.rsibr", on_progress=show)
+        baked = bake(scene, out=out / "paint.rsibr", on_progress=show)
     note_peculiarities(baked)
     console.print(f"baked {baked.view_count} views of {baked.resolution}² in {baked.seconds:.1f} s: {baked.path}")
     with step_progress("validate") as step:
-        found = validate(baked, views=VIEWS, samples=SAMPLES, out=out, on_progress=step)
+        found = validate(baked, views=VIEWS, samples=SAMPLES, out=out, on_progress=step, scene=scene)
     print_validation(found, out, json_output=json_output)
