@@ -14,6 +14,7 @@ from rsibr.geometry.viewpoints import witness
 from rsibr.scene.config import Config, ViewsConfig
 from rsibr.scene.environment import environment_digest
 from rsibr.scene.material import material_digest
+from rsibr.scene.python_plugins import load_plugins
 from rsibr.scene.views import load_viewpoints
 from rsibr.store.bake import Bake, open_bake
 from rsibr.store.manifest import MANIFEST_NAME, Manifest
@@ -30,6 +31,7 @@ def package_versions() -> dict[str, str]:
     return {name: rsibr.__version__ if name == "rsibr" else version(name) for name in RECORDED}
 
 
+@backend.in_session
 def finished_bake(config: Config, out: Path | str, digests: dict[str, str] | None = None) -> Bake | None:
     """Open the bake of a config where it is complete.
 
@@ -77,6 +79,7 @@ def _is_of(manifest: Manifest, config: Config, digests: dict[str, str] | None) -
 
 
 def _digests(config: Config) -> dict[str, str]:
+    load_plugins(config.plugin_modules)  # their source is part of the content
     return {"environment": environment_digest(config.environment), "material": material_digest(config.material)}
 
 

@@ -1,6 +1,6 @@
-"""The config: what to bake, at which size, from how many samples; TOML, checked by pydantic.
+"""Config of a bake: scene, views, resolution, samples, effects. TOML, validated by pydantic.
 
-Every mistake is one line that names the file, the dotted key, the value and what is allowed.
+Each error is one line that names the file, the dotted key, the value and the allowed values.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from rsibr.errors import InputError
 from rsibr.scene.auto import Auto, Between
 from rsibr.scene.config_errors import describe
 from rsibr.scene.overrides import apply_overrides, override_keys
+from rsibr.scene.plugins_config import PluginsConfig
 
 
 def _base(info: ValidationInfo) -> Path:
@@ -47,7 +48,7 @@ def _absolute_path(value: Any, info: ValidationInfo) -> Path:
 
 
 def _plugin(value: Any, info: ValidationInfo) -> dict[str, Any]:
-    """Check that a table can be a Mitsuba plugin, and make the paths under `filename` absolute."""
+    """Check that a table is a Mitsuba plugin, and make the paths under `filename` absolute."""
     return _plugin_table("", value, info)
 
 
@@ -76,10 +77,10 @@ def _plugin_value(name: str, value: Any, info: ValidationInfo) -> Any:
 NESTED_TOO_DEEPLY = "is nested too deeply"
 
 FilePath = Annotated[Path, BeforeValidator(_absolute_path)]
-"""A path, absolute once validated; a relative one starts at the folder of the config."""
+"""Path, absolute once validated; relative paths start at the folder of the config."""
 
 PluginTable = Annotated[dict[str, Any], BeforeValidator(_plugin)]
-"""A Mitsuba plugin as plain data: a `type`, and finite numbers, strings, booleans, lists and nested plugins."""
+"""Mitsuba plugin as plain data: a `type`, and finite numbers, strings, booleans, lists and nested plugins."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -94,7 +95,7 @@ DEFAULT_SUBDIVISION = 0
 
 
 class _Section(BaseModel):
-    # Strict: TOML has types of its own, so `true` or `1.5` where a whole number belongs is a slip, not a spelling.
+    # Strict: TOML is typed, so that `true` or `1.5` in place of an integer is an error
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     def _require_exactly_one(self, *names: str) -> None:
@@ -104,18 +105,18 @@ class _Section(BaseModel):
 
 
 class EnvironmentConfig(_Section):
-    """The distant light: exactly one of `file` and `emitter`.
+    """Distant environment: exactly one of `file` and `emitter`.
 
     Attributes
     ----------
     file : Path, optional
         Latitude–longitude map, OpenEXR or Radiance HDR.
     emitter : dict, optional
-        Mitsuba emitter at infinity, as a plain dict.
+        Mitsuba emitter at infinity, as plain data.
     rotation_deg : float
         Rotation about +Y [°], counter-clockwise seen from above.
     scale : float
-        Factor on the radiance, positive.
+        Factor on the radiance, > 0.
     """
 
     file: FilePath | None = None
@@ -130,19 +131,19 @@ class EnvironmentConfig(_Section):
 
 
 class MaterialConfig(_Section):
-    """The material: exactly one of `preset`, `bsdf` and `file`.
+    """Material: exactly one of `preset`, `bsdf` and `file`.
 
     Attributes
     ----------
     preset : str, optional
-        Name of a material that comes with rsibr (`rsibr.scene.material.PRESETS`).
+        Name of a material shipped with rsibr (`rsibr.scene.material.PRESETS`).
     bsdf : dict, optional
-        Mitsuba BSDF as a plain dict.
+        Mitsuba BSDF as plain data.
     file : Path, optional
-        Mitsuba XML: a BSDF, or a scene with exactly one.
+        Mitsuba XML: a BSDF, or a scene that contains exactly one.
     warp : {"auto", "mirror", "normal"}
-        What the map is indexed by when it is warped as one lobe: the mirrored view direction or the surface normal.
-        `auto` takes the normal for a material that is only diffuse.
+        Direction by which a map is indexed when it is warped as one lobe: the mirror direction or the surface normal.
+        `auto` selects the normal for a purely diffuse material.
     """
 
     preset: str | None = None
@@ -157,7 +158,7 @@ class MaterialConfig(_Section):
 
 
 class ViewsConfig(_Section):
-    """The stored views: the vertices of a subdivided icosahedron, or directions of one's own.
+    """Stored views: the vertices of a subdivided icosahedron, or given directions.
 
     Attributes
     ----------
@@ -206,7 +207,7 @@ class MapConfig(_Section):
 
 
 class SamplingConfig(_Section):
-    """The samples: their count, or one of `target_error` and `time_budget_s` that decides on it.
+    """Samples: their number, or one of `target_error` and `time_budget_s` from which it follows.
 
     Attributes
     ----------
@@ -214,15 +215,15 @@ class SamplingConfig(_Section):
         Samples a texel, 4 to 2^24; on average, where they are adaptive. "auto": as a budget, an error or a time
         decides, otherwise `DEFAULT_SAMPLES`.
     target_error : float, optional
-        Noise that the stored maps may have, as relMSE, mean over the views: as many samples as that takes.
+        Largest noise of the stored maps, as relMSE, mean over the views.
     time_budget_s : float, optional
-        Seconds that the whole bake may take: as many samples as fit.
+        Duration of the whole bake [s].
     adaptive : bool
-        Whether noisier texels and views get more samples than others, where a pilot says that it pays.
+        Whether noisier texels and views get more samples, if a pilot predicts a gain.
     seed : int
-        Root of all randomness.
+        Root seed of all random numbers.
     clamp : float, optional
-        Radiance above which a single sample is clamped: fewer fireflies, and maps that are too dark. By default none.
+        Radiance above which a single sample is clamped: fewer fireflies, but biased, darker maps. By default none.
     """
 
     samples: Annotated[int | Auto, Between(4, 2**24)] = "auto"
@@ -239,7 +240,7 @@ class SamplingConfig(_Section):
 
     @property
     def decided_later(self) -> bool:
-        """Whether the count of samples follows from an error or a time."""
+        """Whether the number of samples follows from an error or a duration."""
         return self.target_error is not None or self.time_budget_s is not None
 
     @model_validator(mode="after")
@@ -252,16 +253,16 @@ class SamplingConfig(_Section):
 
 
 class BudgetConfig(_Section):
-    """A budget of the whole bake: exactly one of `error` and `seconds`.
+    """Budget of the whole bake: exactly one of `error` and `seconds`.
 
     It decides on what the config leaves at "auto" of `map.resolution`, `views.subdivision` and `sampling.samples`.
 
     Attributes
     ----------
     error : float, optional
-        RelMSE that the map of a new view, made by the method `rsibr`, may have against the truth.
+        Largest relMSE of a novel view by the method `rsibr` against the path-traced reference.
     seconds : float, optional
-        Seconds that the whole bake may take.
+        Longest duration of the whole bake [s].
     """
 
     error: Finite | None = Field(default=None, gt=0.0)
@@ -274,37 +275,38 @@ class BudgetConfig(_Section):
 
 
 Switch = Literal["auto", "on", "off"]
-"""Whether an effect is simulated: as the evidence says, or by force."""
+"""Whether an effect is simulated: by evidence ("auto"), or forced."""
 
 
 class EffectsConfig(_Section):
-    """The effects, each left to the evidence ("auto") or forced; `rsibr plan` says what the evidence is.
+    """Effects, each decided by evidence ("auto") or forced; `rsibr plan` prints the evidence.
 
     Attributes
     ----------
     lobes : {"auto", "off"}
-        Whether the lobes of a material that has several are stored apart. The method `rsibr` needs them.
+        Whether a layer is stored for each lobe of the material. The method `rsibr` needs them.
     diffuse, glossy, clear_coat, mirror : Switch
-        The lobes of the material. One that is forced off is missing from the maps.
+        Lobes of the material. A lobe that is forced off is missing from the maps.
     view_dependence : Switch
-        Maps from several views. Off: what has no closed form is missing between the views.
+        Maps from several views. Off: light without a closed form is missing between the views.
     fresnel : Switch
-        Whether the albedo of each lobe goes with the surface's angle when a map is reconstructed.
+        Whether the albedo of each lobe follows the surface's view angle in a reconstruction.
     colour : Switch
-        Three channels; off: the red one stands for all.
+        Three channels; off: the red channel is used for all.
     light_sampling : Switch
-        Whether directions are drawn from the light beside those from the BSDF, as a sun needs it.
+        Whether the emitter is sampled besides the BSDF, which a sun requires.
     lobe_views : Switch
-        Whether every view keeps all lobes apart. `auto`: a lobe is kept apart in the first so many views of an
-        icosphere that it needs; in the others the lobes that need no more are one layer. Off: no lobe is kept apart in
-        more than the next smaller count of views, 12 or more.
+        Whether every view stores a layer for each lobe. `auto`: a lobe has a layer in the first views of an icosphere,
+        as many as it needs; in the other views such lobes share one layer. Off: no lobe has a layer of its own in more
+        than the next smaller number of views, at least 12.
     resolution : Switch
         Whether maps keep all their texels; off: as few a side as the evidence allows, at most half of what was asked
         and no fewer than 32. `auto` lowers them only where `map.resolution` is "auto" too.
     spectral : Switch
-        Light and material rendered at sampled wavelengths; maps hold the linear RGB that an observer sees of it.
+        Light and material rendered at sampled wavelengths; maps hold linear RGB.
     polarisation : Switch
-        Light and material as Mueller matrices, in spectra, for Mitsuba has no polarised RGB; maps hold the intensity.
+        Light and material rendered with Mueller matrices, spectrally, because Mitsuba has no polarised RGB variant;
+        maps hold the intensity.
     """
 
     lobes: Literal["auto", "off"] = "auto"
@@ -336,7 +338,7 @@ class EffectsConfig(_Section):
 
 
 class Config(_Section):
-    """Everything that a bake depends on. Built by `load_config` or `parse_config`."""
+    """All settings of a bake. Made by `load_config` or `parse_config`."""
 
     environment: EnvironmentConfig
     material: MaterialConfig
@@ -345,12 +347,23 @@ class Config(_Section):
     sampling: SamplingConfig = SamplingConfig()
     effects: EffectsConfig = EffectsConfig()
     budget: BudgetConfig | None = None
+    plugins: PluginsConfig | None = None
+
+    @property
+    def plugin_modules(self) -> tuple[str, ...]:
+        """Modules that register Mitsuba plugins, see `PluginsConfig`."""
+        return () if self.plugins is None else self.plugins.modules
 
     @model_validator(mode="after")
     def _one_budget(self) -> Config:
         if self.budget is not None and self.sampling.decided_later:
             raise ValueError("[budget] decides on the samples: leave out sampling.target_error and time_budget_s")
         return self
+
+    def with_plugins(self, modules: Sequence[str]) -> Config:
+        """Return the config with these modules after its own; see `PluginsConfig`."""
+        names = dict.fromkeys([*self.plugin_modules, *modules])
+        return self.model_copy(update={"plugins": PluginsConfig(modules=tuple(names))}) if names else self
 
     def to_dict(self) -> dict[str, Any]:
         """Return the config as plain JSON data, paths as strings; `parse_config` reads it back to an equal config."""
@@ -389,13 +402,13 @@ def load_config(path: Path | str, overrides: Sequence[str] = ()) -> Config:
     path : Path
         The file. Relative paths in it, and in the overrides, start at its folder.
     overrides : sequence of str
-        `a.b=value`, laid over the file; see `rsibr.scene.overrides.apply_overrides`.
+        `a.b=value`, applied to the file; see `rsibr.scene.overrides.apply_overrides`.
 
     Raises
     ------
     InputError
-        If the file cannot be read, is not UTF-8 or not TOML, or a key or value in it is wrong. All wrong keys are named
-        at once. Files that the config names are looked for only when they are loaded.
+        If the file cannot be read, is not UTF-8 or not TOML, or has an invalid key or value; all of these are named at
+        once. Files named in the config are checked when they are loaded.
     """
     path = Path(path)
     return parse_config(read_toml(path), path.resolve().parent, overrides, where=str(path))
@@ -404,7 +417,7 @@ def load_config(path: Path | str, overrides: Sequence[str] = ()) -> Config:
 def parse_config(
     data: Mapping[str, Any], base: Path, overrides: Sequence[str] = (), *, where: str = "config"
 ) -> Config:
-    """Check a config that is already a mapping; see `load_config`.
+    """Validate a config given as a mapping; see `load_config`.
 
     Parameters
     ----------
@@ -413,9 +426,9 @@ def parse_config(
     base : Path
         Folder at which relative paths start.
     overrides : sequence of str
-        `a.b=value`, laid over `data`.
+        `a.b=value`, applied to `data`.
     where : str
-        What an error names as the place.
+        Origin that an error names.
     """
     try:
         merged = apply_overrides(data, overrides)
@@ -428,7 +441,7 @@ def parse_config(
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Read the tables of a TOML file; an InputError says in one line why it cannot be read."""
+    """Read the tables of a TOML file; InputError if it cannot be read."""
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:
@@ -441,7 +454,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", where=str(path)) from None
     try:
         return tomllib.loads(text)
-    except ValueError as error:  # a number of thousands of digits is one too, and no TOMLDecodeError
+    except ValueError as error:  # also raised for integers of thousands of digits
         raise InputError(f"is not valid TOML: {error}", where=str(path)) from None
     except RecursionError:
         raise InputError(NESTED_TOO_DEEPLY, where=str(path)) from None

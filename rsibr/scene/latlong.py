@@ -1,4 +1,4 @@
-"""Latitude–longitude radiance maps from OpenEXR and Radiance HDR files, checked texel by texel."""
+"""Latitude–longitude radiance maps from OpenEXR and Radiance HDR files, validated texel by texel."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ _HDR_MAGIC = b"#?"
 _HDR_XYZ = b"32-bit_rle_xyze"
 
 MAX_TEXELS = 2**30
-"""Mitsuba addresses the four floats of an envmap's texel with 32 bits."""
+"""Largest number of texels: Mitsuba indexes the four floats a texel of an envmap with 32 bits."""
 
 
 @dataclass(frozen=True, eq=False)
 class LatLong:
-    """A latitude–longitude map.
+    """Latitude–longitude map.
 
     Attributes
     ----------
     image : ndarray (H, W, 3), float32
-        Radiance, scene-linear Rec.709, finite and not negative. Row 0 is at +Y, the columns start at −Z and pass +X.
+        Radiance [W sr⁻¹ m⁻²], scene-linear Rec.709, finite and not negative. Row 0 is at +Y, the columns start at −Z
+        and pass +X.
     clipped : int
-        How many values (channels of texels) were negative and have been set to 0.
+        Number of values (channels of texels) that were negative and were set to 0.
     lowest : float
-        The most negative of them; 0 if there was none.
+        Lowest of these values; 0 if there was none.
     """
 
     image: NDArray[np.float32]
@@ -54,12 +55,12 @@ def read_latlong(path: Path, most_texels: int = MAX_TEXELS) -> LatLong:
     Raises
     ------
     InputError
-        If the file is missing, truncated or no such image, has other channels, shows only a part of its panorama, or
-        holds NaN or Inf: the message names file, texel and channel.
+        If the file is missing, truncated or of another format, has other channels, shows only a part of its panorama,
+        or contains NaN or Inf; the message names file, texel and channel.
 
     Notes
     -----
-    `mi.Bitmap` reads both formats, without a variant; unlike `OpenEXR.File` it raises on a truncated file.
+    `mi.Bitmap` reads both formats without a variant and, unlike `OpenEXR.File`, raises on a truncated file.
     """
     is_exr = _is_exr(path)
     with mitsuba_errors(str(path), "save it again as OpenEXR or Radiance HDR; it may be truncated"):
@@ -96,7 +97,9 @@ def _is_exr(path: Path) -> bool:
 
 
 def _check_whole_panorama(path: Path) -> None:
-    with mitsuba_errors(str(path), "save it again as OpenEXR; its header is damaged"):  # it complains as Mitsuba does
+    with mitsuba_errors(
+        str(path), "save it again as OpenEXR; its header is damaged"
+    ):  # raises the same errors as Mitsuba
         header = OpenEXR.File(str(path), header_only=True).header(0)
     if not np.array_equal(np.ravel(header["dataWindow"]), np.ravel(header["displayWindow"])):
         raise InputError(

@@ -1,4 +1,4 @@
-"""Loads a BSDF into Mitsuba from plain data or from XML, after the checks that Mitsuba itself does not survive."""
+"""Loading of a BSDF from plain data or XML, after checks for input that would crash Mitsuba."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from xml.etree import ElementTree
 
 import mitsuba as mi
 
-import rsibr.scene.paint.car_paint  # noqa: F401  # makes its plugin known
+import rsibr.scene.paint.car_paint  # noqa: F401  # registers its plugin
 from rsibr.errors import InputError
-from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files
+from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files, named_types
+from rsibr.scene.python_plugins import sources_of
 
 BsdfSource = dict[str, Any] | Path
-"""A Mitsuba BSDF as plain data, or the XML file that holds it."""
+"""Mitsuba BSDF as plain data, or path of its XML file."""
 
 NESTED: Mapping[str, tuple[int, int]] = {"blendbsdf": (2, 2), "twosided": (1, 2), "mask": (1, 1)}
-"""How many nested BSDFs a wrapper takes, at least and at most. A `blendbsdf` without any ends the process."""
+"""Least and largest number of nested BSDFs of a wrapper. A `blendbsdf` without any crashes Mitsuba."""
 
 _TEXTURES = ("bitmap", "checkerboard", "mesh_attribute", "volume")
 _FIX = "see the BSDFs in Mitsuba's plugin reference"
@@ -30,18 +31,18 @@ def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
     Parameters
     ----------
     source : dict or Path
-        Plain data, or an XML file whose root is a BSDF or a scene with exactly one (others may nest in it).
+        Plain data, or an XML file whose root is a BSDF or a scene with exactly one top-level BSDF.
     where : str
         File or config key that an error names.
 
     Raises
     ------
     InputError
-        If it is not well-formed, names an unknown plugin or parameter, is no BSDF, lacks nested BSDFs, or is textured:
-        a sphere map holds one material.
+        If it is not well-formed, names an unknown plugin or parameter, is not a BSDF, lacks nested BSDFs, or is
+        textured: a sphere map holds one material.
     """
     folder = source.parent if isinstance(source, Path) else None
-    # A name in XML may hold bytes that are no text: whatever asks for names can raise.
+    # Names in XML may be undecodable bytes: reading any name can raise
     with _search_path(folder), mitsuba_errors(where, _FIX):
         state = _parse(source, where)
         _check_nodes(state, where)
@@ -50,17 +51,18 @@ def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
 
 
 def bsdf_digest(source: BsdfSource, where: str) -> str:
-    """SHA-256 of a BSDF's content, with the content of the files that it names; its own file name does not enter.
+    """SHA-256 of a BSDF's content and of the files that it names, independent of its own file name.
 
-    Comments and white space in XML do not count.
+    Comments and white space in XML are ignored. The source of a plugin in Python counts, where its module was named.
     """
     if isinstance(source, dict):
-        return content_digest(canonical_json(source), named_files(source))
+        return content_digest(canonical_json(source), [*named_files(source), *sources_of(named_types(source))])
     with _search_path(source.parent):
         xml_files = [Path(str(file)) for file in _parse(source, where).files]
     try:
         texts = [ElementTree.canonicalize(from_file=str(file), strip_text=True) for file in xml_files]
         data_files = [file for xml in xml_files for file in _files_named_in(xml) if file.is_file()]
+        data_files += sources_of(name for xml in xml_files for name in types_named_in(xml))
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise InputError(f"is not well-formed XML: {error}", where=where) from None
     return content_digest("\n".join(texts), data_files)
@@ -68,7 +70,7 @@ def bsdf_digest(source: BsdfSource, where: str) -> str:
 
 def _parser_config() -> mi.parser.ParserConfig:
     config = mi.parser.ParserConfig(mi.variant())
-    config.merge_meshes = config.merge_equivalent = False  # so that the nodes stay as they were written
+    config.merge_meshes = config.merge_equivalent = False  # keep the nodes as written
     return config
 
 
@@ -91,14 +93,16 @@ def _check_nodes(state: mi.parser.ParserState, where: str) -> None:
                 fix="use a constant value",
             )
         fewest, most = NESTED.get(name, (0, len(state.nodes)))
-        nested = sum(child.type == mi.ObjectType.BSDF for child in _children(state, node))
-        if node.type == mi.ObjectType.BSDF and not fewest <= nested <= most:
+        types = [child.type for child in _children(state, node)]
+        nested = types.count(mi.ObjectType.BSDF)
+        unknown = types.count(mi.ObjectType.Unknown)  # of plugins in Python, whose type shows when they are made
+        if node.type == mi.ObjectType.BSDF and not (fewest <= nested + unknown and nested <= most):
             wanted = str(fewest) if fewest == most else f"{fewest} or {most}"
             raise InputError(f"'{name}' has {nested} nested BSDFs, and takes {wanted}", where=where, fix=_FIX)
 
 
 def _root_at_bsdf(state: mi.parser.ParserState, where: str) -> None:
-    """Make the one BSDF of a scene the root, so that nothing else of the scene is loaded."""
+    """Make the scene's only BSDF the root, so that nothing else is loaded."""
     if state.root.type != mi.ObjectType.Scene:
         _require_bsdf(state.root, where)
         return
@@ -111,20 +115,28 @@ def _root_at_bsdf(state: mi.parser.ParserState, where: str) -> None:
 
 
 def _require_bsdf(node: mi.parser.SceneNode, where: str) -> None:
-    # A dictionary node of a plugin that Mitsuba does not know has no type yet: instantiation says so.
+    # A dictionary node of an unknown plugin has no type; instantiation raises the error
     if node.type not in (mi.ObjectType.BSDF, mi.ObjectType.Unknown):
         kind = str(node.type).rpartition(".")[2].lower()
         raise InputError(f"'{node.props.plugin_name()}' is not a BSDF ({kind})", where=where, fix=_FIX)
 
 
 def _references(node: mi.parser.SceneNode) -> list[int]:
-    # Only references are read: Mitsuba takes a property that has been read for one that the plugin knows.
+    # Read references only: Mitsuba treats every property that has been read as known to the plugin
     props, reference = node.props, mi.Properties.Type.ResolvedReference
     return [props[key].index() for key in props.keys() if props.type(key) == reference]  # noqa: SIM118
 
 
 def _children(state: mi.parser.ParserState, node: mi.parser.SceneNode) -> list[mi.parser.SceneNode]:
     return [state.nodes[i] for i in _references(node)]
+
+
+def types_named_in(xml: Path) -> set[str]:
+    """Types of the plugins in an XML file, those of included files not among them."""
+    try:
+        return {name for element in ElementTree.parse(xml).iter() if (name := element.get("type"))}
+    except (OSError, ElementTree.ParseError, ValueError, LookupError):
+        return set()  # Mitsuba says what is wrong with it
 
 
 def _files_named_in(xml: Path) -> list[Path]:
@@ -135,7 +147,7 @@ def _files_named_in(xml: Path) -> list[Path]:
 
 @contextmanager
 def _search_path(folder: Path | None) -> Iterator[None]:
-    """Let Mitsuba look for relative file names in `folder` first, as `mi.load_file` does."""
+    """Resolve relative file names in `folder` first, as `mi.load_file` does."""
     before = mi.file_resolver()
     resolver = mi.FileResolver(before)
     if folder is not None:

@@ -1,4 +1,4 @@
-"""A whole bake on disk, opened and checked; `BakeWriter` is what makes one."""
+"""Opening and reading of a complete bake; `BakeWriter` writes one."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ class Bake(DescribedMaps):
     Attributes
     ----------
     path : Path
-        Its directory.
+        Directory of the bake.
     manifest : Manifest
-        What it was made from, and with what.
+        Its manifest: config, identity, state of the views.
     """
 
     @property
     def complete(self) -> bool:
-        """Whether all views are done; true of every bake that `open_bake` returns."""
+        """Whether all views are done; true for every bake that `open_bake` returns."""
         return not self.manifest.pending
 
     @property
@@ -47,12 +47,12 @@ class Bake(DescribedMaps):
     def map(self, index: int) -> MapFile:
         """Read the map of one view.
 
-        Its `view` and `frame` have the header's float32 precision; `directions[index]` is exact.
+        Its `view` and `frame` have the float32 precision of the header; `directions[index]` is exact.
 
         Raises
         ------
         IndexError
-            If there is no such view.
+            If the index is out of range.
         BakeError
             If the file was altered since the bake was opened.
         """
@@ -64,12 +64,12 @@ class Bake(DescribedMaps):
 
     @cached_property
     def light(self) -> Light:
-        """The light that the model of each lobe is made from.
+        """Environment of the bake, from which radiance is predicted.
 
         Raises
         ------
         BakeError
-            If the bake is too old to have it, or the file was altered since the bake was opened.
+            If the bake is older than this file, or the file was altered since the bake was opened.
         """
         file = self.path / LIGHT_NAME
         if self.manifest.light is None:
@@ -78,7 +78,7 @@ class Bake(DescribedMaps):
 
 
 def open_bake(path: Path) -> Bake:
-    """Open a bake and check all of it: schema, manifest, and size and checksum of every map.
+    """Open a bake and check its schema, its manifest, and size and checksum of every file.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def open_bake(path: Path) -> Bake:
     Raises
     ------
     BakeError
-        If there is no bake, it is not finished, or anything in it is missing, truncated or altered.
+        If there is no bake, it is incomplete, or a file is missing, truncated or altered.
     """
     path = Path(path)
     _check_kind(path)
