@@ -38,7 +38,7 @@ def try_section(document: dict[str, Any]) -> None:
 def main() -> int:
     """Run one trial; the exit code says nothing but that the process ended by itself."""
     document = json.load(sys.stdin)
-    print(BEGUN, flush=True)  # noqa: T201  # to the process that waits for it
+    print(BEGUN, flush=True)  # noqa: T201  # for the parent process
     try:
         try_section(document)
     except (RsibrError, RuntimeError):  # said again, and better, by the process that asked
