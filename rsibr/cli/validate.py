@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsibr.cli.options import BakePath, Json, check_output_folder, parse_view
+from rsibr.cli.options import BakePath, Imports, Json, check_output_folder, imported, parse_view
 
 if TYPE_CHECKING:
     from rsibr.validation.results import Validation
 
-TABLE_WIDTH = 110
+TABLE_WIDTH = 130
 """Columns that the table of methods takes at least."""
 
 MOST_VIEWS = 10_000
@@ -32,11 +32,13 @@ def validate(
         bool | None,
         typer.Option("--lobes/--no-lobes", help="Judge rsibr lobe by lobe; by default where there are several."),
     ] = None,
+    imports: Imports = None,
     json_output: Json = False,
 ) -> None:
     """Compare the methods with path-traced references at views that were not baked: errors, times, a report."""
     given = [parse_view(text) for text in view or ()]
     check_output_folder(out)
+    imported(imports)
     from rsibr.cli.console import step_progress
     from rsibr.validation.validation import validate as run
 
@@ -63,12 +65,24 @@ def print_validation(found: Validation, out: Path, *, json_output: bool) -> None
     from rich.table import Table
 
     table = Table(box=SIMPLE_HEAD)
-    for heading in ("method", "relMSE", "SMAPE", "FLIP", "ms a map", "s to bake", "pays after (views)"):
+    for heading in (
+        "method",
+        "relMSE",
+        "SMAPE",
+        "FLIP",
+        "ms a map",
+        "ns a point",
+        "s to bake",
+        "s to prepare",
+        "pays after (views)",
+    ):
         table.add_column(heading, no_wrap=True)
     for name, summary in found.summary.items():
         pays = "never" if summary.break_even_views is None else str(summary.break_even_views)
         row = (str(summary.rel_mse), f"{summary.smape:.4f}", f"{summary.flip:.4f}", f"{summary.seconds * 1e3:.1f}")
-        table.add_row(name, *row, f"{found.bake.seconds:.1f}", pays)
+        point = "" if summary.eval_seconds is None else f"{summary.eval_seconds * 1e9:.0f}"
+        prepare = f"{summary.prepare_seconds + summary.compile_seconds:.1f}"
+        table.add_row(name, *row, point, f"{found.bake.seconds:.1f}", prepare, pays)
     console = Console(highlight=False)
     console.width = max(console.width, TABLE_WIDTH)  # where nothing says how wide it is, a narrow one is assumed
     console.print(table)
