@@ -5,7 +5,7 @@ them, and compare it with path-traced truth:
 
 >>> import rsibr
 >>> bake = rsibr.bake("configs/demo.toml", out="out/paint.rsibr")           # doctest: +SKIP
->>> paint = rsibr.reconstruct(bake, view=(1, 2, 3), method="cabral1999")    # doctest: +SKIP
+>>> paint = rsibr.reconstruct(bake, view=(1, 2, 3), method="rsibr")    # doctest: +SKIP
 >>> report = rsibr.validate(bake, views=8, out="out/report")                # doctest: +SKIP
 """
 
@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rsibr.budget.choose import bake as bake
     from rsibr.budget.choose import plan as plan
+    from rsibr.methods.method_set import MethodSet as MethodSet
     from rsibr.methods.reconstruction import reconstruct as reconstruct
-    from rsibr.methods.registry import METHODS as METHODS
+    from rsibr.methods.registry import method_names as method_names
     from rsibr.scene.config import load_config as load_config
     from rsibr.store.bake import open_bake as open_bake
     from rsibr.studies.runner import study as study
@@ -28,9 +29,10 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 _HOME = {
-    "METHODS": "rsibr.methods.registry",
+    "MethodSet": "rsibr.methods.method_set",
     "bake": "rsibr.budget.choose",
     "check": "rsibr.validation.health.check",
+    "method_names": "rsibr.methods.registry",
     "load_config": "rsibr.scene.config",
     "open_bake": "rsibr.store.bake",
     "plan": "rsibr.budget.choose",
@@ -40,11 +42,12 @@ _HOME = {
 }
 
 __all__ = [
-    "METHODS",
+    "MethodSet",
     "__version__",
     "bake",
     "check",
     "load_config",
+    "method_names",
     "open_bake",
     "plan",
     "reconstruct",

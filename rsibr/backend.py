@@ -10,13 +10,14 @@ says how to mend it.
 
 from __future__ import annotations
 
+import functools
 import os
 import platform
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -139,6 +140,26 @@ def rendering(kind: Rendering) -> Iterator[str]:
     finally:
         _rendering.reset(before)
         use(_device_in_use())
+
+
+@contextmanager
+def session() -> Iterator[str]:
+    """Run the block in rsibr's variant."""
+    yield use(_device_in_use())
+
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+def in_session(function: _F) -> _F:
+    """Run a function in a `session`."""
+
+    @functools.wraps(function)
+    def run(*args: Any, **kwargs: Any) -> Any:
+        with session():
+            return function(*args, **kwargs)
+
+    return run  # type: ignore[return-value]
 
 
 def current_rendering() -> Rendering:

@@ -38,6 +38,7 @@ from rsibr.scene.material import ANISOTROPIC, Material, load_material
 from rsibr.scene.views import load_viewpoints
 from rsibr.store.bake import Bake, BakeWriter, open_bake
 from rsibr.store.layers import layered
+from rsibr.store.lobe_shape import shape_of
 from rsibr.store.manifest import (
     BudgetRecord,
     EnvironmentRecord,
@@ -146,9 +147,14 @@ def bake(
 
 
 def planned_light(environment: Environment, lobes: Sequence[Lobe], plan: Plan) -> Light:
-    """The light that models are made from; an image is RGB from the start, whatever the maps are rendered in."""
+    """The light with what the lobes look up in it; an image is RGB from the start, however the maps are rendered."""
+    shapes = [shape_of(_lobe_record(lobe, plan)) for lobe in planned_lobes(lobes, plan)]
     with backend.rendering("rgb" if environment.width else plan.rendering):
-        return light_of(environment, with_image=any(lobe.is_mirror for lobe in lobes))
+        light = light_of(environment, with_image=any(lobe.is_mirror for lobe in lobes))
+    return light.with_tables(
+        glossy=any(not shape.is_matte and not shape.is_mirror for shape in shapes),
+        matte=[shape.matte for shape in shapes if shape.is_matte],
+    )
 
 
 def plan_manifest(

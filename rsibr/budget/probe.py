@@ -26,8 +26,9 @@ from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.viewpoints import Viewpoints, from_directions, icosphere
 from rsibr.light.radiance import Light
 from rsibr.lobes.adaptation import adapted_lobes
+from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
-from rsibr.methods.registry import MethodSet
+from rsibr.methods.registry import default_method
 from rsibr.scene.config import Config, MapConfig, ViewsConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
@@ -45,8 +46,6 @@ CONFIDENCE = 0.9
 
 JUDGED = 8
 """Views that a promise is held to, as `rsibr validate` takes them."""
-
-METHOD = "rsibr"
 
 _SAMPLES = 16
 _SHARP = 128
@@ -192,7 +191,7 @@ class ProbedScene:
                 self.map(integrator, frame, samples) if index in needed else _seen_from(filler, frame)
                 for index, frame in enumerate(frames)
             )
-            method = MethodSet(ProbeBake(_NOWHERE, manifest, maps, self._light))[METHOD]
+            method = MethodSet(ProbeBake(_NOWHERE, manifest, maps, self._light))[default_method()]
             yield [run(method, frame, resolution).image for frame in new]
 
 

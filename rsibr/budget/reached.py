@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 
-from rsibr.budget.probe import METHOD, ProbedScene, new_views
+from rsibr.budget.probe import ProbedScene, new_views
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import Viewpoints
+from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
-from rsibr.methods.registry import MethodSet
+from rsibr.methods.registry import default_method
 from rsibr.scene.config import Config
 from rsibr.store.bake import Bake
 from rsibr.store.noise import COVERED, denominator
@@ -43,7 +44,7 @@ def reached_error(baked: Bake, config: Config) -> Estimate:
     """
     scene = ProbedScene(config)
     viewpoints = Viewpoints(baked.directions, baked.triangles)
-    method = MethodSet(baked)[METHOD]
+    method = MethodSet(baked)[default_method()]
     integrator = scene.integrator.at_resolution(baked.resolution)
     judged = integrator.coverage >= COVERED
     samples = max(_LEAST_SAMPLES, _SAMPLES * _COARSE**2 // baked.resolution**2)

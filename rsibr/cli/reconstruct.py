@@ -16,7 +16,7 @@ def reconstruct(
     view: Annotated[str, typer.Option(metavar="X,Y,Z", help="Direction from the surface to the viewer.")],
     out: Annotated[Path, typer.Option(metavar="FILE.exr", help="Where to write the map.")],
     method: Annotated[
-        str | None, typer.Option(help="How: see `rsibr validate` for how good each is. By default cabral1999.")
+        str | None, typer.Option(help="How: see `rsibr validate` for how good each is. By default rsibr.")
     ] = None,
     resolution: Annotated[int | None, typer.Option(help="Texels a side; by default the bake's.")] = None,
     json_output: Json = False,

@@ -6,7 +6,9 @@ Gaussian that it was blurred with, and the tent of the lookup itself.
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import drjit as dr
@@ -15,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.frame import frame_of
-from rsibr.geometry.projections.octahedral import bordered, square_from_direction, texel_directions, texel_solid_angles
+from rsibr.geometry.projections.octahedral import bordered, square_from_direction, texel_directions
 from rsibr.geometry.to_device import to_device
 from rsibr.light.shared_exponent import bilinear, packed
 
@@ -24,7 +26,6 @@ WIDEST = 1.3
 
 _FINENESS = 2.2  # texels a standard deviation
 _LEAST_RESOLUTION = 8
-_IRRADIANCE, _BLOCKS = 64, 128  # texels a side of an irradiance map, and blocks a side of the light that it gathers
 _REACH, _TAPS = 2.8, 9  # of a blur: standard deviations, and taps a side
 
 
@@ -54,46 +55,27 @@ class EnvironmentPyramid:
     last: mi.Float
 
     @classmethod
-    def of(cls, light: NDArray[np.float32]) -> EnvironmentPyramid:
-        """Blur a light.
+    def of(cls, picture: NDArray[np.float32], levels: Sequence[NDArray[np.float32]] = ()) -> EnvironmentPyramid:
+        """Put the pyramid of a light on the device.
 
         Parameters
         ----------
-        light : ndarray, shape (R, R, 3)
-            Octahedral picture of the radiance; see `rsibr.light.radiance.light_map`.
+        picture : ndarray, shape (R, R, 3)
+            Octahedral picture of the radiance [W sr⁻¹ m⁻²]: level 0; see `rsibr.light.radiance.light_map`.
+        levels : sequence of ndarray
+            From `blurred_levels`, if they are known; otherwise computed.
         """
-        spacing = _spacing(len(light))
-        widths = [0.5 * spacing]  # of a box of one texel and a tent of two
-        levels = [light]
-        while widths[-1] < WIDEST:
-            width = spacing * math.sqrt(2) ** (len(levels) - 1)
-            resolution = max(_LEAST_RESOLUTION, min(len(light), math.ceil(_FINENESS * _spacing(1) / width)))
-            added = width**2 - _spacing(resolution) ** 2 / 6 - widths[-1] ** 2
-            levels.append(_blurred(cls._stacked(levels[-1:], widths[-1:]), math.sqrt(added), resolution))
-            widths.append(width)
-        return cls._stacked(levels, widths)
+        return cls._stacked([picture, *(levels or blurred_levels(picture))], level_widths(len(picture)))
 
     @classmethod
-    def irradiance(cls, light: NDArray[np.float32], weights: NDArray[np.float64]) -> EnvironmentPyramid:
-        """Gather a light over cosine lobes, bare and coated: one level, to be looked up by the normal.
+    def finest_only(cls, picture: NDArray[np.float32]) -> EnvironmentPyramid:
+        """Put level 0 alone on the device, for what looks up no other."""
+        return cls._stacked([picture], level_widths(len(picture))[:1])
 
-        Parameters
-        ----------
-        light : ndarray, shape (R, R, 3)
-            Octahedral picture of the radiance.
-        weights : ndarray, shape (2, 3)
-            Of each lobe in each channel; see `rsibr.lobes.gaussians.LobeShape.matte`.
-        """
-        weights = np.where(weights.any(axis=0), weights, 1.0)  # a black channel needs some shape too
-        radiance, angles, directions = _blocks(light)
-        level = np.empty((_IRRADIANCE**2, 3))
-        normals = np.array(texel_directions(_IRRADIANCE), dtype=np.float64).T
-        for rows in np.array_split(np.arange(len(level)), _IRRADIANCE // 4):  # all at once would fill the memory
-            cosines = np.maximum(normals[rows] @ directions.T, 0)
-            coated = cosines * (1 - (1 - cosines) ** 5)
-            gathered, total = ((cosines @ x) * weights[0] + (coated @ x) * weights[1] for x in (radiance, angles))
-            level[rows] = gathered / total
-        return cls._stacked([level.astype(np.float32).reshape(_IRRADIANCE, _IRRADIANCE, 3)], [1.0])
+    @classmethod
+    def of_irradiance(cls, irradiance: NDArray[np.float32]) -> EnvironmentPyramid:
+        """Put an irradiance map on the device: one level, to be looked up by the normal; see `irradiance.py`."""
+        return cls._stacked([irradiance], [1.0])
 
     @classmethod
     def _stacked(cls, levels: list[NDArray[np.float32]], widths: list[float]) -> EnvironmentPyramid:
@@ -147,24 +129,44 @@ class EnvironmentPyramid:
         return 2 * dr.log2(dr.maximum(width, 1e-9) / self.finest) + 1
 
 
-def _blocks(light: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Merge texels into a few thousand blocks: radiance times solid angle, solid angle, and mean direction.
+def level_widths(resolution: int) -> list[float]:
+    """Standard deviation [rad] of each level for a picture of R×R texels, R = `resolution`.
 
-    All of shape (blocks, 3).
+    Level 0 is the picture: a box of one texel and the tent of the lookup. Level 1 is one texel wide, each further one
+    √2 times the last, up to the first that reaches `WIDEST`.
     """
-    side = max(1, len(light) // _BLOCKS)
-    count = len(light) // side
-    angles = texel_solid_angles(len(light))[:, None]
-    directions = np.array(texel_directions(len(light)), dtype=np.float64).T
+    spacing = _spacing(resolution)
+    widths = [0.5 * spacing]
+    while widths[-1] < WIDEST:
+        widths.append(spacing * math.sqrt(2) ** (len(widths) - 1))
+    return widths
 
-    def merged(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(values.reshape(count, side, count, side, 3).sum(axis=(1, 3)).reshape(-1, 3))
 
-    radiance = light.reshape(-1, 3) * angles
-    brightness = radiance.sum(axis=1, keepdims=True)
-    centres = merged(directions * (brightness + 1e-9 * angles * brightness.max(initial=1e-30)))
-    unit = centres / np.linalg.norm(centres, axis=1, keepdims=True)
-    return merged(radiance), merged(np.repeat(angles, 3, axis=1)), unit
+def level_resolution(resolution: int, width: float) -> int:
+    """Texels a side of a level of standard deviation `width` [rad]: `_FINENESS` of them to one deviation."""
+    return max(_LEAST_RESOLUTION, min(resolution, math.ceil(_FINENESS * _spacing(1) / width)))
+
+
+def blurred_levels(picture: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    """Blur a light to all widths but its own: levels 1, 2, … of its pyramid.
+
+    Parameters
+    ----------
+    picture : ndarray, shape (R, R, 3)
+        Octahedral picture of the radiance [W sr⁻¹ m⁻²].
+
+    Returns
+    -------
+    list of ndarray, shape (R_k, R_k, 3), float32
+        Each blurred from the last by what its variance lacks, the tent of the lookup counted.
+    """
+    widths, level, levels = level_widths(len(picture)), picture, []
+    for before, width in itertools.pairwise(widths):
+        resolution = level_resolution(len(picture), width)
+        added = width**2 - _spacing(resolution) ** 2 / 6 - before**2
+        level = _blurred(EnvironmentPyramid._stacked([level], [before]), math.sqrt(added), resolution)
+        levels.append(level)
+    return levels
 
 
 def _spacing(resolution: int) -> float:

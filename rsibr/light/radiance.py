@@ -1,9 +1,10 @@
-"""The distant light as a bake keeps it: what the model of a lobe is made from."""
+"""The distant light as a bake keeps it: its picture, and what lobes look up in it."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import drjit as dr
@@ -12,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.projections.octahedral import texel_directions
+from rsibr.light.environment_pyramid import blurred_levels
+from rsibr.light.irradiance import irradiance_map
 from rsibr.scene.environment import Environment
 from rsibr.scene.wavelengths import Wavelengths
 
@@ -21,6 +24,9 @@ RESOLUTION = 512
 DELTA_RESOLUTION = 1024
 """Texels a side for a material with a delta lobe, which blurs nothing, where the environment is no image itself."""
 
+_SAME = 1e-6
+"""Difference up to which two sets of weights are one: they are stored in float32."""
+
 _LEAST_COLUMNS = 2
 """Columns of an image, and one row more, below which Mitsuba shows another than was given: it resamples it."""
 
@@ -29,6 +35,22 @@ _WAVELENGTHS = 64
 
 _POINTS = 3  # a side and texel at least, and so many a side and texel of the environment's
 _MOST_POINTS = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Irradiance:
+    """Light gathered over the cosine lobe of a matte material.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (2, 3)
+        Of the bare and the coated cosine lobe, see `rsibr.light.irradiance.irradiance_map`.
+    image : ndarray, shape (N, N, 3), float32
+        Octahedral, by the surface normal.
+    """
+
+    weights: NDArray[np.float64]
+    image: NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,16 +66,45 @@ class Light:
         u = (i+½)/W, row j at v = j/(H−1). None where there is no delta lobe, or no image.
     frame : ndarray, shape (3, 3)
         Axes of the image in world coordinates: +Y is up in it, and its column u = 0 lies at −Z.
+    levels : tuple of ndarray, shape (R_k, R_k, 3), float32
+        Levels 1, 2, … of its pyramid, see `rsibr.light.environment_pyramid.blurred_levels`; none where nothing glossy
+        looks them up.
+    irradiances : tuple of Irradiance
+        One for each matte lobe.
     """
 
     picture: NDArray[np.float32]
     image: NDArray[np.float32] | None = None
     frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    levels: tuple[NDArray[np.float32], ...] = ()
+    irradiances: tuple[Irradiance, ...] = ()
 
     @property
     def nbytes(self) -> int:
         """Size in memory [bytes]."""
-        return self.picture.nbytes + (0 if self.image is None else self.image.nbytes)
+        images = [self.picture, *self.levels, *(one.image for one in self.irradiances)]
+        return sum(image.nbytes for image in images) + (0 if self.image is None else self.image.nbytes)
+
+    def with_tables(self, *, glossy: bool, matte: Sequence[NDArray[np.float64]]) -> Light:
+        """Return the same light with what lobes look up in it, so that no reconstruction computes it again.
+
+        Parameters
+        ----------
+        glossy : bool
+            Whether a lobe looks up the pyramid's levels.
+        matte : sequence of ndarray, shape (2, 3)
+            Weights of each matte lobe; see `rsibr.light.irradiance.irradiance_map`.
+        """
+        levels = tuple(blurred_levels(self.picture)) if glossy else ()
+        maps = tuple(Irradiance(weights, irradiance_map(self.picture, weights)) for weights in matte)
+        return replace(self, levels=levels, irradiances=maps)
+
+    def irradiance(self, weights: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Irradiance map for a matte lobe with these `weights`, shape (2, 3): the one at hand, or computed."""
+        for known in self.irradiances:
+            if np.allclose(known.weights, weights, rtol=_SAME, atol=_SAME):
+                return known.image
+        return irradiance_map(self.picture, weights)
 
 
 def light_of(environment: Environment, with_image: bool) -> Light:

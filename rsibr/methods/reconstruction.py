@@ -14,8 +14,9 @@ from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
+from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
-from rsibr.methods.registry import MethodSet
+from rsibr.methods.registry import default_method
 from rsibr.store.bake import Bake, open_bake
 from rsibr.store.map_file import MapFile, write_map
 
@@ -37,7 +38,9 @@ class Reconstruction:
     method : str
         The method that made it.
     seconds : float
-        Wall time of the kernels, waited for; first calls compile, later ones do not.
+        Wall time of the kernels, waited for. The first call of a process traces or compiles them, later ones do not.
+    prepare_seconds : float
+        Wall time of what the method needed first, such as decoding maps and making residuals; spent once a bake.
     """
 
     view: NDArray[np.float64]
@@ -46,6 +49,7 @@ class Reconstruction:
     coverage: NDArray[np.float64]
     method: str
     seconds: float
+    prepare_seconds: float = 0.0
 
     def write(self, path: Path | str) -> None:
         """Write a multi-part float32 EXR: R, G, B first, then the coverage; view and frame in each header."""
@@ -65,7 +69,8 @@ def reconstruct(
     view : array_like, shape (3,)
         Direction from the surface to the viewer, of any positive length.
     method : str, optional
-        One of `METHODS`; by default `cabral1999`, or `rsibr` where the bake holds one map alone.
+        Name of a method, one of `rsibr.method_names()`; by default `rsibr`, or `cabral1999` where the bake keeps no
+        lobes apart.
     resolution : int, optional
         Texels a side, 8 to 4096; by default the stored maps'.
 
@@ -85,8 +90,7 @@ def reconstruct(
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
     if resolution is not None and not 8 <= resolution <= 4096:
         raise InputError(f"{resolution} texels", where="resolution", fix="give 8 to 4096")
-    name = method or ("cabral1999" if opened.has_views else "rsibr")
-    return run(MethodSet(opened)[name], frame, resolution or opened.resolution)
+    return run(MethodSet(opened)[method or default_method(opened)], frame, resolution or opened.resolution)
 
 
 def run(method: Method, frame: NDArray[np.float64], resolution: int) -> Reconstruction:
@@ -101,11 +105,14 @@ def run(method: Method, frame: NDArray[np.float64], resolution: int) -> Reconstr
     resolution : int
         Texels a side.
     """
-    start = time.perf_counter()
+    before, start = method.cost.prepare_seconds, time.perf_counter()
     radiance = method.map(frame, resolution)
     dr.eval(radiance)
     backend.synchronize()
     seconds = time.perf_counter() - start
     coverage = texel_coverage(resolution)
     image = np.where(coverage[..., None] > 0, radiance.numpy()[..., :3], np.float32(0))
-    return Reconstruction(frame[:, 2].copy(), frame, image, coverage, method.name, seconds)
+    prepared = method.cost.prepare_seconds - before
+    return Reconstruction(
+        frame[:, 2].copy(), frame, image, coverage, method.name, seconds - prepared, method.cost.prepare_seconds
+    )

@@ -1,7 +1,14 @@
-"""The light of a bake as an OpenEXR file: what the model of a lobe is made from; see `rsibr.light.radiance`.
+"""The light of a bake as a multi-part OpenEXR file, float32, ZIP; see `rsibr.light.radiance.Light`.
 
-Its first part is the octahedral picture. Where the material has a delta lobe and the environment is an image, that is
-the second, with its axes (`rsibr:frame`, m33f, columns x, y, z in world coordinates).
+Parts, in this order, by name:
+
+- `light`: the octahedral picture;
+- `image`: where the material has a delta lobe and the environment is an image, that image, latitude-longitude, with its
+  axes (`rsibr:frame`, m33f, columns x, y, z in world coordinates);
+- `level.01`, `level.02`, …: levels of the Gaussian pyramid, octahedral, with their standard deviation in radians
+  (`rsibr:width`, float); where a lobe is glossy;
+- `irradiance.0`, …: an irradiance map for each matte lobe, octahedral by the surface normal, with the weights of its
+  bare and its coated cosine lobe in each channel (`rsibr:weights`, m33f, rows bare, coated, zeros).
 """
 
 from __future__ import annotations
@@ -15,33 +22,35 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from rsibr.errors import BakeError
-from rsibr.light.radiance import Light
+from rsibr.light.environment_pyramid import level_resolution, level_widths
+from rsibr.light.radiance import Irradiance, Light
 from rsibr.store.map_file import FRAME_KEY, REC709
 
 LIGHT_NAME = "light.exr"
 
 
-_PICTURE, _IMAGE = "light", "image"
+_PICTURE, _IMAGE, _LEVEL, _IRRADIANCE = "light", "image", "level.", "irradiance."
+_WIDTH_KEY, _WEIGHTS_KEY = "rsibr:width", "rsibr:weights"
+
+_Images = dict[str, tuple[NDArray[np.float32], dict[str, Any]]]
+"""Part name → its image and the attributes of its own."""
 
 
 def encode_light(light: Light) -> bytes:
     """Bytes of the file: R, G, B, float32, ZIP; equal lights give equal bytes."""
-    images = {_PICTURE: light.picture} | ({} if light.image is None else {_IMAGE: light.image})
+    images = _images(light)
     header = {
         "type": OpenEXR.scanlineimage,
         "compression": OpenEXR.ZIP_COMPRESSION,
         "chromaticities": REC709,
         "software": "rsibr",
-        "displayWindow": _window(*np.max([image.shape for image in images.values()], axis=0)[:2]),  # one for all parts
+        "displayWindow": _window(*np.max([image.shape for image, _ in images.values()], axis=0)[:2]),  # one for all
     }
-    own = {_IMAGE: {FRAME_KEY: np.ascontiguousarray(light.frame, np.float32)}}
     parts = [
         OpenEXR.Part(
-            {**header, **own.get(name, {}), "dataWindow": _window(*image.shape[:2])},
-            {"RGB": np.ascontiguousarray(image)},
-            name,
+            {**header, **own, "dataWindow": _window(*image.shape[:2])}, {"RGB": np.ascontiguousarray(image)}, name
         )
-        for name, image in images.items()
+        for name, (image, own) in images.items()
     ]
     stream = io.BytesIO()
     with OpenEXR.File(parts) as file:
@@ -59,13 +68,47 @@ def decode_light(data: bytes, where: str) -> Light:
     """
     try:
         with contextlib.redirect_stdout(io.StringIO()), OpenEXR.File(io.BytesIO(data)) as file:
-            picture, *images = [_pixels(part) for part in file.parts]
-            frames = [np.array(part.header[FRAME_KEY], np.float64) for part in file.parts[1:]]
-        if picture.shape[0] != picture.shape[1] or len(images) > 1:
-            raise ValueError(f"{picture.shape} and {len(images)} images")
+            parts = {part.name() or _PICTURE: (_pixels(part), part.header) for part in file.parts}
+            light = _light_of(parts)  # closing the file empties the headers
     except (KeyError, RuntimeError, ValueError, TypeError, OSError, AttributeError) as error:
         raise BakeError("is no light of rsibr, or is truncated or altered", where=where) from error
-    return Light(picture, images[0], frames[0]) if images else Light(picture)
+    return light
+
+
+def _images(light: Light) -> _Images:
+    images: _Images = {_PICTURE: (light.picture, {})}
+    if light.image is not None:
+        images[_IMAGE] = (light.image, {FRAME_KEY: np.ascontiguousarray(light.frame, np.float32)})
+    widths = level_widths(len(light.picture))
+    for number, level in enumerate(light.levels, 1):
+        images[f"{_LEVEL}{number:02d}"] = (level, {_WIDTH_KEY: float(widths[number])})
+    for number, map_ in enumerate(light.irradiances):
+        weights = np.zeros((3, 3), np.float32)
+        weights[:2] = map_.weights
+        images[f"{_IRRADIANCE}{number}"] = (map_.image, {_WEIGHTS_KEY: weights})
+    return images
+
+
+def _light_of(parts: dict[str, tuple[NDArray[np.float32], dict[str, Any]]]) -> Light:
+    """Light of the decoded parts; ValueError where they do not fit together."""
+    picture = parts.pop(_PICTURE)[0]
+    image, header = parts.pop(_IMAGE, (None, {}))
+    levels = [pixels for name, (pixels, _) in parts.items() if name.startswith(_LEVEL)]
+    maps = [
+        Irradiance(np.array(own[_WEIGHTS_KEY], np.float64)[:2], pixels)
+        for name, (pixels, own) in parts.items()
+        if name.startswith(_IRRADIANCE)
+    ]
+    _check(picture, levels, len(parts) - len(levels) - len(maps))
+    frame = np.array(header[FRAME_KEY], np.float64) if image is not None else np.eye(3)
+    return Light(picture, image, frame, tuple(levels), tuple(maps))
+
+
+def _check(picture: NDArray[np.float32], levels: list[NDArray[np.float32]], unknown: int) -> None:
+    sizes = [level_resolution(len(picture), width) for width in level_widths(len(picture))[1:]]
+    square = picture.shape[0] == picture.shape[1]
+    if not square or unknown or [level.shape[:2] for level in levels] not in ([], [(size, size) for size in sizes]):
+        raise ValueError(f"{picture.shape}, {[level.shape for level in levels]}, {unknown} unknown parts")
 
 
 def _window(height: int, width: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, Field
 
-from rsibr.methods.registry import METHODS
+from rsibr.errors import InputError
+from rsibr.methods.registry import registration
 from rsibr.methods.warp_blend.disk_mesh import DiskMesh
 
 PER_TEXEL = "texel"
@@ -23,11 +23,10 @@ def mesh_of(warp: str) -> DiskMesh | None:
 
 
 def _method(name: str) -> str:
-    if name not in METHODS:
-        near = difflib.get_close_matches(name, METHODS, 1)
-        meant = f"did you mean '{near[0]}'? " if near else ""
-        raise ValueError(f"is no method: {meant}there are {', '.join(METHODS)}")
-    return name
+    try:
+        return registration(name).name
+    except InputError as error:
+        raise ValueError(f"is no method: {error.fix}") from error
 
 
 def _warp(name: str) -> str:

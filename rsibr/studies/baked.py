@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
-from rsibr.methods.registry import MethodSet
+from rsibr.methods.registry import judged_by_lobe
 from rsibr.store.bake import Bake
 from rsibr.studies.lobes import mean_lobe_errors
 from rsibr.studies.noise import NoisyBake, noise_of, without
@@ -58,9 +59,9 @@ class BakedMaps:
             error=error,
             noise=noise,
             bias=without(error.rel_mse, noise),
-            lobes=self._lobes(variant) if variant.method == "rsibr" and len(self.bake.manifest.lobes) > 1 else None,
+            lobes=self._lobes(variant) if self._has_parts(variant) else None,
             frame_seconds=Timing.of(seconds),
-            bytes=bytes_read(self.bake, method, variant.precision),
+            bytes=bytes_read(self.bake, variant.method, variant.precision),
         )
 
     def _timed(self, method: Any) -> tuple[Images, list[float]]:
@@ -95,9 +96,13 @@ class BakedMaps:
             self._noise[plain] = noise_of(images, noisy, self.bench.references)
         return self._noise[plain]
 
+    def _has_parts(self, variant: Variant) -> bool:
+        return judged_by_lobe(variant.method) and len(self.bake.manifest.lobes) > 1
+
     def _lobes(self, variant: Variant) -> dict[str, EstimateModel]:
         bench, methods = self.bench, self._at(variant.precision)
-        parts = {lobe.name: methods.prefiltered(lobe=lobe.name) for lobe in self.bake.manifest.lobes}
+        names = [lobe.name for lobe in self.bake.manifest.lobes]
+        parts = {name: methods.variant(variant.method, lobe=name) for name in names}
         truths = [bench.lobe_truth(frame) for frame in bench.frames]
         return mean_lobe_errors(parts, bench.frames, truths, bench.references)
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from rsibr.errors import InputError
+from rsibr.methods.registry import baseline_method, default_method
 from rsibr.scene.config import Config, load_config, parse_config, read_toml
 from rsibr.scene.config_errors import describe
 from rsibr.studies.axes import (
@@ -39,7 +40,7 @@ class SweepConfig(_Section):
     samples, resolution, subdivision : list of int
         Of the bake: samples a texel, texels a side, 0 to 5 for 12, 42, 162, 642 … stored views.
     method : list of str
-        Names from `METHODS`; by default those of the study.
+        Names of methods; by default those of the study.
     warp : list of "texel" or "mesh-RxS"
         Each texel by itself, or through a tessellated disk of R rings and S sectors. Only `cabral1999` has the choice.
     weights : list of "own", "area" or "gnomonic"
@@ -118,7 +119,7 @@ class _File(_Section):
 
     base: NameOrTable
     scenes: ScenesConfig = ScenesConfig()
-    method: Axis[MethodName] = ("cabral1999", "rsibr")
+    method: Axis[MethodName] = Field(default_factory=lambda: (baseline_method(), default_method()))
     sweep: Axis[dict[str, Any]]
     judge: JudgeConfig = JudgeConfig()
     path_tracing: PathTracingConfig = PathTracingConfig()

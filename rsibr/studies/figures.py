@@ -13,22 +13,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, LogLocator
 
+from rsibr.methods.registry import baseline_method, default_method, method_names
 from rsibr.studies.analysis import COSTS, ConvergenceRecord, SceneAnalysis
 from rsibr.studies.convergence import PowerLaw
 from rsibr.studies.document import StudyDocument
 from rsibr.studies.doubling import PATH_TRACING, DoublingRecord
 from rsibr.studies.results import PathTracingRecord, PointRecord, SceneRecord
 
-COLOURS = {
-    PATH_TRACING: "#222222",
-    "nearest": "#999999",
-    "blend": "#e69f00",
-    "cabral1999": "#0072b2",
-    "rsibr": "#d55e00",
-}
+_PATH_TRACING, _DEFAULT, _BASELINE = "#222222", "#d55e00", "#0072b2"
+_METHODS = ("#999999", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#f0e442")
+_OTHERS = _METHODS[2:]
 """Okabe & Ito (2008): told apart without colour vision."""
 
-_OTHERS = ("#009e73", "#cc79a7", "#56b4e9", "#f0e442")
 _MARKERS = "osD^vP*X"
 _FLOOR = "#e8e8e8"
 _COST_LABELS = {"bake_seconds": ("to bake", "s"), "bytes": ("in memory", "B"), "frame_seconds": ("a picture", "s")}
@@ -68,7 +64,12 @@ def svg_uri(figure: Figure) -> str:
 
 def colour_of(method: str) -> str:
     """Colour of a method, the same in every figure."""
-    return COLOURS.get(method) or _OTHERS[sum(method.encode()) % len(_OTHERS)]
+    fixed = {PATH_TRACING: _PATH_TRACING, default_method(): _DEFAULT, baseline_method(): _BASELINE}
+    if method in fixed:
+        return fixed[method]
+    others = [name for name in method_names() if name not in fixed]
+    number = others.index(method) if method in others else sum(method.encode())
+    return _METHODS[number % len(_METHODS)]
 
 
 @styled

@@ -15,6 +15,7 @@ from rsibr.baking.integrator import SphereIntegrator
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.lobes.split import LobeSplit
+from rsibr.methods.registry import judged_by_lobe
 from rsibr.scene.views import load_viewpoints
 from rsibr.studies.bench import Bench
 from rsibr.studies.config import PathTracingConfig
@@ -118,7 +119,7 @@ def steps_of(bench: Bench, plan: Plan, path_tracing: PathTracingConfig, rates: R
 def _truths(bench: Bench, plan: Plan, rates: Rates) -> Iterator[Step]:
     scene, samples = bench.scene, bench.judge.samples
     work = scene.resolution**2 * samples
-    lobed = any(variant.method == "rsibr" for variants in plan.values() for variant in variants)
+    lobed = any(judged_by_lobe(variant.method) for variants in plan.values() for variant in variants)
     for number, frame in enumerate(bench.frames, 1):
         if not bench.store.has(reference_key(scene, frame, samples)):
             seconds = _PER_TRUTH + work / rates.path_tracing

@@ -6,21 +6,14 @@ from dataclasses import dataclass
 from itertools import product
 
 from rsibr.errors import InputError
+from rsibr.methods.registry import registration, registrations
 from rsibr.methods.warp_blend.disk_mesh import DiskMesh
 from rsibr.scene.config import Config, MapConfig, SamplingConfig, ViewsConfig
 from rsibr.studies.axes import PER_TEXEL
 from rsibr.studies.config import StudyConfig, SweepConfig
 
-OWN_WEIGHTS = {
-    "nearest": "none",
-    "blend": "area",
-    "cabral1999": "area",
-    "rsibr": "gnomonic",
-    "rsibr-fine": "gnomonic",
-}
-"""Weights that the methods take by themselves; of these, all but `nearest` can take others."""
-
-MESH_METHOD = "cabral1999-mesh"
+NO_WEIGHTS = "none"
+"""Weights of a method that has none to choose."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +52,7 @@ class Variant:
     Attributes
     ----------
     method, warp, weights, precision : str
-        With "none" for the weights of a method that has none, and "own" for those of a method unknown here.
+        With `NO_WEIGHTS` for the weights of a method that has none to choose.
     """
 
     method: str
@@ -72,7 +65,7 @@ class Variant:
         parts = [self.method]
         if self.warp != PER_TEXEL:
             parts.append(self.warp)
-        if self.weights != OWN_WEIGHTS.get(self.method, "own"):
+        if self.weights != own_weights(self.method):
             parts.append(f"{self.weights} weights")
         if self.precision != "float32":
             parts.append(self.precision)
@@ -101,14 +94,16 @@ def plan_of(study: StudyConfig) -> Plan:
         where = f"{study.name}, sweep[{number}]"
         variants = _variants(sweep, study.method)
         if not variants:
-            what = "asks for no picture: only cabral1999 goes through a mesh, and nearest has no weights"
-            raise InputError(what, where=where, fix="take cabral1999 in, or the warp texel and the weights own")
+            meshed = ", ".join(name for name, one in registrations().items() if "mesh" in one.options)
+            what = f"asks for no picture: only {meshed} goes through a mesh, and not every method has weights to choose"
+            raise InputError(what, where=where, fix=f"take {meshed} in, or the warp texel and the weights own")
         for size in _sizes(sweep, study.scenes[0], where):
             known = plan.setdefault(size, [])
             known += [variant for variant in variants if variant not in known]
-    lobed = any(variant.method == "rsibr" for variants in plan.values() for variant in variants)
+    methods = dict.fromkeys(variant.method for variants in plan.values() for variant in variants)
+    lobed = [name for name in methods if registration(name).needs.lobes]
     if lobed and study.scenes[0].effects.lobes == "off":
-        raise InputError('the method rsibr needs effects.lobes = "auto"', where=f"{study.name}, base")
+        raise InputError(f'the method {lobed[0]} needs effects.lobes = "auto"', where=f"{study.name}, base")
     return plan
 
 
@@ -134,12 +129,18 @@ def _variants(sweep: SweepConfig, methods: tuple[str, ...]) -> list[Variant]:
 
 
 def _variant(method: str, warp: str, weights: str, precision: str) -> Variant | None:
-    if method == MESH_METHOD:  # the same as cabral1999 through the mesh that it has by default
-        mesh = DiskMesh()
-        method, warp = "cabral1999", f"mesh-{mesh.rings}x{mesh.sectors}" if warp == PER_TEXEL else warp
-    if warp != PER_TEXEL and method != "cabral1999":
+    found = registration(method)
+    if "mesh" in found.fixed:  # a name for another method through the mesh that it has by default
+        mesh: DiskMesh = found.fixed["mesh"]
+        method, warp = found.alias_of, f"mesh-{mesh.rings}x{mesh.sectors}" if warp == PER_TEXEL else warp
+    if warp != PER_TEXEL and "mesh" not in registration(method).options:
         return None
-    own = OWN_WEIGHTS.get(method, "own")
-    if weights not in ("own", own) and own in ("none", "own"):
+    own = own_weights(method)
+    if weights not in ("own", own) and own == NO_WEIGHTS:
         return None
     return Variant(method, warp, own if weights == "own" else weights, precision)
+
+
+def own_weights(method: str) -> str:
+    """Barycentric weights that a method takes by itself; `NO_WEIGHTS` where it has none to choose."""
+    return str(registration(method).options.get("weights", NO_WEIGHTS))

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.spherical import area_weights, gnomonic_weights
-from rsibr.methods.protocol import MeshMethod, Method
-from rsibr.methods.registry import MethodSet
-from rsibr.methods.rsibr.residual_method import ResidualMethod
-from rsibr.methods.warp_blend.blend import triangle_mix
+from rsibr.methods.method_set import MethodSet
+from rsibr.methods.protocol import Method
+from rsibr.methods.registry import registration
 from rsibr.store.bake import Bake
 from rsibr.store.health import LARGEST_HALF
 from rsibr.store.map_file import MapFile
 from rsibr.studies.axes import mesh_of
-from rsibr.studies.plan import OWN_WEIGHTS, Variant
+from rsibr.studies.plan import Variant, own_weights
 
-_WEIGHTS = {"area": area_weights, "gnomonic": gnomonic_weights}
 _FLOAT_BYTES = {"float32": 4, "float16": 2}
 
 
@@ -41,20 +39,19 @@ def opened_at(bake: Bake, precision: str) -> Bake:
 
 def variant_of(methods: MethodSet, variant: Variant) -> Method:
     """Make the method of a variant from a bake's methods; its precision is a matter of how the bake was opened."""
-    method = methods[variant.method]
-    if variant.weights in _WEIGHTS and variant.weights != OWN_WEIGHTS[variant.method]:
-        method = replace(method, mix=triangle_mix(_WEIGHTS[variant.weights]))
-    mesh = mesh_of(variant.warp)
-    if mesh is None:
-        return method
-    name, cost = method.name, method.cost
-    return MeshMethod(name, method.viewpoints, method.sources, method.mix, method.warp, cost, mesh=mesh)
+    options: dict[str, Any] = {}
+    if variant.weights != own_weights(variant.method):
+        options["weights"] = variant.weights
+    if (mesh := mesh_of(variant.warp)) is not None:
+        options["mesh"] = mesh
+    return methods.variant(variant.method, **options) if options else methods[variant.method]
 
 
-def bytes_read(bake: Bake, method: Method, precision: str) -> int:
+def bytes_read(bake: Bake, method: str, precision: str) -> int:
     """Size of what a method reads [bytes], in memory: three channels a texel of each map, and the light if it does."""
-    maps = 3 * _FLOAT_BYTES[precision] * bake.view_count * bake.resolution**2
-    return maps + bake.light.nbytes if isinstance(method, ResidualMethod) else maps
+    needs, texels = registration(method).needs, bake.view_count * bake.resolution**2
+    maps = 3 * _FLOAT_BYTES[precision] * texels
+    return maps + (bake.light.nbytes if needs.light else 0)
 
 
 def _half(image: NDArray[np.float32]) -> NDArray[np.float32]:

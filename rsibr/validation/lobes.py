@@ -11,18 +11,16 @@ from numpy.typing import NDArray
 
 from rsibr.errors import BakeError, InputError
 from rsibr.lobes.split import LobeSplit
+from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
 from rsibr.methods.reconstruction import run
-from rsibr.methods.registry import MethodSet
+from rsibr.methods.registry import default_method, judged_by_lobe
 from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material
 from rsibr.store.bake import Bake
 from rsibr.store.noise import COVERED, denominator
 from rsibr.validation.estimate import Estimate, jackknife, mean_estimate
 from rsibr.validation.lobe_reference import LobeReference
-
-METHOD = "rsibr"
-"""The method whose lobes are judged."""
 
 Array = NDArray[np.float64]
 
@@ -141,7 +139,9 @@ class LobeJudge:
             environment, material, bake.resolution, split, bake.rendering,
             samples=samples, buffers=buffers, seed=int(bake.config["sampling"]["seed"]),
         )  # fmt: skip
-        self._parts = {name: methods.prefiltered(lobe=name) if name in stored else None for name in split.names}
+        self._parts = {
+            name: methods.variant(default_method(), lobe=name) if name in stored else None for name in split.names
+        }
         self._resolution = bake.resolution
 
     def at(self, frame: NDArray[np.float64]) -> ViewLobes:
@@ -187,7 +187,7 @@ def has_lobes(bake: Bake, methods: Sequence[str], wanted: bool | None) -> bool:
     methods : sequence of str
         The methods that are judged.
     wanted : bool or None
-        What the user says; None: where `METHOD` is among the methods and there is more than one lobe.
+        What the user says; None: where a method is `judged_by_lobe` and there is more than one lobe.
 
     Raises
     ------
@@ -197,8 +197,8 @@ def has_lobes(bake: Bake, methods: Sequence[str], wanted: bool | None) -> bool:
     count = len(bake.manifest.lobes) and len(bake.manifest.lobes) + len(_left_out(bake))
     if wanted and count < 2:
         what = "only one lobe" if count else "no lobes kept apart"
-        raise InputError(f"{bake.path} has {what}", where="--lobes", fix="leave --lobes out")
-    return METHOD in methods and count > 1 if wanted is None else wanted
+        raise InputError(f"{bake.path} has {what}", where="lobes", fix="leave it out")
+    return any(map(judged_by_lobe, methods)) and count > 1 if wanted is None else wanted
 
 
 def _left_out(bake: Bake) -> Sequence[str]:

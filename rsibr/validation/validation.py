@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from rsibr import backend
 from rsibr.errors import BakeError, CheckFailed, InputError
 from rsibr.geometry.frame import unit_view, view_frame
+from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
 from rsibr.methods.reconstruction import Reconstruction, run
-from rsibr.methods.registry import METHODS, MethodSet, available, checked_name
+from rsibr.methods.registry import available, method_names, registration
 from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment, load_environment
 from rsibr.scene.material import Material, load_material
@@ -62,7 +63,7 @@ def validate(
         View directions; or how many to take: half at triangle centroids, the places farthest from any stored view, half
         random from the bake's seed.
     methods : sequence of str, optional
-        Names from `METHODS`; by default all that the bake has the lobes for.
+        Names of methods, see `rsibr.method_names`; by default all that the bake holds what they need for.
     samples : int
         Samples a texel of each reference, all buffers together.
     buffers : int
@@ -92,9 +93,9 @@ def validate(
     backend.use()
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
     wanted = available(opened) if methods is None else methods
-    names = [checked_name(name) for name in dict.fromkeys(wanted)]
+    names = [registration(name).name for name in dict.fromkeys(wanted)]
     if not names:
-        raise InputError("no method given", where="--method", fix=f"there are: {', '.join(METHODS)}")
+        raise InputError("no method given", where="method", fix=f"there are: {', '.join(method_names())}")
     chosen = _chosen_views(opened, views)
     by_lobe = has_lobes(opened, names, lobes)
     health = _trusted_health(opened, [view for _, view in chosen], out)
@@ -156,10 +157,10 @@ def _chosen_views(bake: Bake, views: int | Sequence[ArrayLike]) -> list[tuple[st
     if not isinstance(views, int):
         given = [("given", unit_view(view)) for view in views]
         if not given:
-            raise InputError("no view given", where="--view", fix="give at least one X,Y,Z")
+            raise InputError("no view given", where="view", fix="give at least one X,Y,Z")
         return given
     if views < 1:
-        raise InputError(f"{views} views", where="--views", fix="give at least 1")
+        raise InputError(f"{views} views", where="views", fix="give at least 1")
     return novel_views(bake, views)
 
 

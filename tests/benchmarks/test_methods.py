@@ -8,7 +8,7 @@ import pytest
 
 from rsibr.baking.baker import bake
 from rsibr.geometry.frame import view_frame
-from rsibr.methods.registry import MethodSet
+from rsibr.methods.method_set import MethodSet
 from rsibr.resources import scenes
 from rsibr.scene.config import parse_config
 from tests.arrays import unit_vectors

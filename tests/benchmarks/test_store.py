@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rsibr.baking.baker import bake
-from rsibr.methods.registry import MethodSet
+from rsibr.methods.method_set import MethodSet
 from rsibr.resources import configs
 from rsibr.store.bake import open_bake
 from tests.benchmarks.turns import in_turns, report

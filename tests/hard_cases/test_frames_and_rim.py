@@ -19,10 +19,10 @@ from rsibr.geometry.projections.sphere_map import (
 )
 from rsibr.geometry.spherical import area_weights
 from rsibr.geometry.viewpoints import icosphere
-from rsibr.methods.protocol import Cost, Method
 from rsibr.methods.warp_blend.blend import triangle_mix
 from rsibr.methods.warp_blend.source_maps import SourceMaps, StoredView
 from rsibr.methods.warp_blend.warp import FADE_RADIUS, MirrorWarp
+from rsibr.methods.warp_blend.warp_blend import WarpBlend
 from rsibr.scene.config import EnvironmentConfig
 from rsibr.scene.environment import load_environment
 from rsibr.validation.flip import exposures_for
@@ -100,7 +100,7 @@ def test_hc10_stored_maps_may_be_rolled(name):
     coverage = np.tile(texel_coverage(resolution).astype(np.float32), (len(views), 1, 1))
     sources = SourceMaps.from_arrays(np.stack([mirror_sphere(f, resolution) for f in frames]), coverage, frames)
     options = {"mix": triangle_mix(area_weights), "warp": MirrorWarp.between} | METHODS[name]
-    rolled = Method("rolled", views, sources, options["mix"], options["warp"], Cost(0.0, 0))
+    rolled = WarpBlend("rolled", views, sources, options["mix"], options["warp"])
     upright = method(resolution=resolution, **METHODS[name])
     within = inside(resolution, 0.9)
     assert np.abs(image(rolled, frame, resolution) - image(upright, frame, resolution))[within].max() < 0.005

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from rsibr.geometry.projections.octahedral import texel_directions, texel_solid_angles
-from rsibr.light.environment_pyramid import _IRRADIANCE, EnvironmentPyramid
+from rsibr.light.environment_pyramid import EnvironmentPyramid
+from rsibr.light.irradiance import RESOLUTION as IRRADIANCE
+from rsibr.light.irradiance import irradiance_map
 from tests.arrays import to_numpy, unit_vectors, vector
 
 R = 128
@@ -102,12 +104,12 @@ def irradiance(stack, n):
 @pytest.mark.parametrize(("kind", "weights"), [("bare", BARE), ("coated", COATED)])
 def test_irradiance_of_a_gradient_has_its_closed_form(kind, weights, rng):
     """Under L = 1 + a·ω a cosine lobe sees 1 + (2/3) a·n, a coated one 1 + 0.6875 a·n."""
-    stack = EnvironmentPyramid.irradiance(picture(lambda d: 1 + d @ (0.9 * AXIS)), weights)
+    stack = EnvironmentPyramid.of_irradiance(irradiance_map(picture(lambda d: 1 + d @ (0.9 * AXIS)), weights))
 
     def error(n):
         return np.abs(irradiance(stack, n)[:, 0] - 1 - RATIO[kind] * n @ (0.9 * AXIS))
 
-    assert error(to_numpy(texel_directions(_IRRADIANCE)).T).max() < 1e-3
+    assert error(to_numpy(texel_directions(IRRADIANCE)).T).max() < 1e-3
     between = error(np.concatenate([unit_vectors(rng, 2000), np.eye(3), -np.eye(3)]))
     assert between.mean() < 1.5e-3
     assert between.max() < 0.02  # where the map is folded
@@ -115,14 +117,14 @@ def test_irradiance_of_a_gradient_has_its_closed_form(kind, weights, rng):
 
 def test_irradiance_of_a_constant_is_that_constant_in_every_mixture(rng):
     mixed = np.array([[0.3, 0.0, 0.0], [0.7, 0.2, 0.0]])  # the last channel is black: it needs a shape all the same
-    stack = EnvironmentPyramid.irradiance(np.full((R, R, 3), 2.5, np.float32), mixed)
+    stack = EnvironmentPyramid.of_irradiance(irradiance_map(np.full((R, R, 3), 2.5, np.float32), mixed))
     assert np.abs(irradiance(stack, unit_vectors(rng, 500)) / 2.5 - 1).max() < 5e-7
 
 
 def test_irradiance_of_a_mixture_lies_between():
     light = picture(lambda d: 1 + d @ (0.9 * AXIS))
     bare, coated = (RATIO[kind] for kind in ("bare", "coated"))
-    half = EnvironmentPyramid.irradiance(light, BARE + COATED)
+    half = EnvironmentPyramid.of_irradiance(irradiance_map(light, BARE + COATED))
     shares = np.array([1 / 2, 1 / 2 - 1 / 42])  # what each sends back under an even sky
     expected = 1 + 0.9 * (shares @ [bare, coated]) / shares.sum()
     assert irradiance(half, AXIS[None])[0] == pytest.approx([expected] * 3, abs=3e-3)
@@ -133,7 +135,7 @@ def test_a_small_sun_lights_a_matte_surface_from_its_own_place():
     light = np.zeros((256, 256, 3), np.float32)
     light[100, 37] = 1.0
     sun = to_numpy(texel_directions(256)).T[100 * 256 + 37]
-    stack = EnvironmentPyramid.irradiance(light, BARE)
-    n = to_numpy(texel_directions(_IRRADIANCE)).T
+    stack = EnvironmentPyramid.of_irradiance(irradiance_map(light, BARE))
+    n = to_numpy(texel_directions(IRRADIANCE)).T
     exact = np.maximum(n @ sun, 0) * texel_solid_angles(256)[100 * 256 + 37] / np.pi
     assert np.abs(irradiance(stack, n)[:, 0] - exact).max() < 3e-3 * exact.max()

@@ -6,10 +6,10 @@ from rsibr.geometry.frame import view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.geometry.spherical import area_weights
 from rsibr.geometry.viewpoints import icosphere
-from rsibr.methods.protocol import Cost, Method
 from rsibr.methods.warp_blend.blend import triangle_mix
 from rsibr.methods.warp_blend.source_maps import SourceMaps
 from rsibr.methods.warp_blend.warp import MirrorWarp
+from rsibr.methods.warp_blend.warp_blend import WarpBlend
 from tests.arrays import disk_grid
 
 
@@ -46,10 +46,10 @@ def stored(sphere, resolution, subdivision=0):
     return views, SourceMaps.from_arrays(np.stack([sphere(f, resolution) for f in frames]), coverage, np.stack(frames))
 
 
-def method(sphere=mirror_sphere, resolution=64, *, warp=MirrorWarp.between, mix=None, subdivision=0, kind=Method):
+def method(sphere=mirror_sphere, resolution=64, *, warp=MirrorWarp.between, mix=None, subdivision=0, kind=WarpBlend):
     """A method over the stored maps of `sphere`; by default the paper's."""
     views, sources = stored(sphere, resolution, subdivision)
-    return kind("test", views, sources, mix or triangle_mix(area_weights), warp, Cost(0.0, 0))
+    return kind("test", views, sources, mix or triangle_mix(area_weights), warp)
 
 
 def image(made, frame, resolution):

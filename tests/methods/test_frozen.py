@@ -39,7 +39,7 @@ def test_a_replay_equals_a_trace_at_two_sizes(name, rng):
         for resolution in SIZES:
             replayed = made.map(frame, resolution).numpy().ravel()
             assert np.array_equal(replayed, traced(made, frame, resolution))
-    assert made._replayed.recordings == len(SIZES)
+    assert made._frozen.recordings == len(SIZES)
 
 
 @pytest.mark.parametrize("name", EVERY)
@@ -52,7 +52,7 @@ def test_from_the_second_view_on_nothing_is_traced_or_compiled(name, rng):
         for frame in frames[1:]:
             dr.eval(made.map(frame, 64))
         launched = [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT]
-    assert made._replayed.recordings == 1
+    assert made._frozen.recordings == 1
     assert len(launched) >= 2 * len(frames[1:])
     assert all(k["cache_hit"] and k["recording_mode"] == dr.KernelRecordingMode.Frozen for k in launched)
 

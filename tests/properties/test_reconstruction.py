@@ -9,10 +9,10 @@ from rsibr.geometry.frame import view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.geometry.spherical import area_weights
 from rsibr.geometry.viewpoints import from_directions, icosphere
-from rsibr.methods.protocol import Cost, Method
 from rsibr.methods.warp_blend.blend import triangle_mix
 from rsibr.methods.warp_blend.source_maps import SourceMaps
 from rsibr.methods.warp_blend.warp import MirrorWarp
+from rsibr.methods.warp_blend.warp_blend import WarpBlend
 from tests.methods.scene import image, inside, matte_sphere, mirror_sphere, normals, sky
 from tests.methods.warp_blend.test_method import METHODS
 from tests.properties.float64 import cabral1999
@@ -28,9 +28,9 @@ NOT_NEAREST = [name for name in EXACT if name != "nearest"]  # which jumps where
 
 def made(maps, views=VIEWS, frames=FRAMES, name="cabral1999", coverage=COVERAGE):
     """A method over maps (12, N, N, 3), always of one shape, so that its kernels are compiled once."""
-    options = {"mix": triangle_mix(area_weights), "warp": MirrorWarp.between, "kind": Method} | METHODS[name]
+    options = {"mix": triangle_mix(area_weights), "warp": MirrorWarp.between, "kind": WarpBlend} | METHODS[name]
     sources = SourceMaps.from_arrays(maps.astype(np.float32), np.tile(coverage, (len(maps), 1, 1)), frames)
-    return options["kind"](name, views, sources, options["mix"], options["warp"], Cost(0.0, 0))
+    return options["kind"](name, views, sources, options["mix"], options["warp"])
 
 
 def spheres(sphere, frames=FRAMES):

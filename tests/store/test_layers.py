@@ -10,8 +10,8 @@ from rsibr.baking import baker
 from rsibr.baking.baker import bake
 from rsibr.errors import BakeError
 from rsibr.geometry.frame import view_frame
-from rsibr.methods.registry import MethodSet
-from rsibr.methods.warp_blend.lobe_warp import Corrections
+from rsibr.methods.method_set import MethodSet
+from rsibr.methods.warp_blend.lobe_warp import LobeWarpMethod
 from rsibr.store.layers import layered, layers_at
 from rsibr.store.manifest import LobeRecord, Manifest
 from rsibr.store.map_file import MapFile
@@ -162,17 +162,17 @@ def test_the_method_reads_the_sum_and_sees_no_difference(methods):
             assert np.abs(full - planned).max() < 1e-5 * full.max()  # maps are packed in 18 bits a channel
 
 
-@pytest.mark.parametrize(("kind", "which"), [("prefiltered", (0, 1, 2)), ("fine", (0,))])
+@pytest.mark.parametrize(("kind", "which"), [("rsibr", (0, 1, 2)), ("rsibr-fine", (0,))])
 def test_a_lobe_with_twelve_views_is_that_of_a_bake_of_twelve(methods, lobes, kind, which):
     """Bit for bit: nested views have the same directions, and equal views the same samples."""
     for k in which:
         alike = methods["on" if k == 1 else "12"]
-        found, expected = (image(getattr(made, kind)(lobe=lobes[k])) for made in (methods["auto"], alike))
+        found, expected = (image(made.variant(kind, lobe=lobes[k])) for made in (methods["auto"], alike))
         assert np.array_equal(found, expected)
 
 
 def test_lobes_warped_apart_are_each_warped_from_their_own_views(methods):
-    twelve, full, planned, fewest = (methods[name].lobed(Corrections()) for name in ("12", "on", "auto", "off"))
+    twelve, full, planned, fewest = (LobeWarpMethod.of(methods[name].inputs) for name in ("12", "on", "auto", "off"))
     assert [len(group.lobes) for group in planned.groups] == [2, 1]
     assert [len(group.lobes) for group in full.groups] == [len(group.lobes) for group in fewest.groups] == [3]
     for frame in FRAMES:
@@ -189,7 +189,7 @@ def test_lobes_warped_apart_are_each_warped_from_their_own_views(methods):
 def test_the_parts_miss_the_whole_between_the_views_that_keep_them_apart(bakes, methods, lobes):
     """Not at these views. The whole is uncut here, as its parts are; in all views of the others they add up to it."""
     whole = replace(methods["auto"]["rsibr"], keeps_negatives=True)
-    parts = [methods["auto"].prefiltered(lobe=part) for part in lobes]
+    parts = [methods["auto"].variant("rsibr", lobe=part) for part in lobes]
     at_stored, between = (
         np.abs(sum(image(part, frame) for part in parts) - image(whole, frame)).max() / image(whole, frame).max()
         for frame in (bakes["auto"].map(5).frame, FRAMES[0])
@@ -229,4 +229,4 @@ def test_a_bake_with_a_rest_is_healthy_judged_and_studied_like_any(bakes, lobes)
     assert list(found.lobe_summary) == lobes
     for opened in (HalfBake, NoisyBake):
         baked = opened(bakes["auto"].path, bakes["auto"].manifest)
-        assert np.isfinite(image(MethodSet(baked).lobed(Corrections()))).all()
+        assert np.isfinite(image(LobeWarpMethod.of(MethodSet(baked).inputs))).all()

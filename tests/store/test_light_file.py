@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ import pytest
 from rsibr.baking import baker
 from rsibr.baking.baker import bake
 from rsibr.errors import BakeError
+from rsibr.light.environment_pyramid import EnvironmentPyramid, level_widths
+from rsibr.light.irradiance import irradiance_map
 from rsibr.light.radiance import Light
 from rsibr.scene.orientation import rotation_about_y
 from rsibr.store.bake import BakeWriter, open_bake
@@ -41,18 +44,32 @@ def config(tmp_path, asymmetric_environment):
     return path
 
 
-def light(seed=3, with_image=False):
+MATTE = np.array([[0.3, 0.0, 0.1], [0.7, 0.2, 0.0]])
+
+
+def light(seed=3, with_image=False, with_tables=False):
     """A small picture with all that a light may hold: a sun, black, and the smallest numbers."""
     image = np.random.default_rng(seed).gamma(0.3, 2.0, (16, 16, 3)).astype(np.float32)
     image[0, 0], image[1, 1], image[2, 2] = 1e6, 0.0, 1e-30
-    return Light(image, image[:5, :8].copy(), rotation_about_y(20)[:3, :3]) if with_image else Light(image)
+    made = Light(image, image[:5, :8].copy(), rotation_about_y(20)[:3, :3]) if with_image else Light(image)
+    return made.with_tables(glossy=True, matte=[MATTE, 2 * MATTE]) if with_tables else made
+
+
+def images(light):
+    """All images of a light, in their order."""
+    known = [light.picture, light.image, *light.levels, *(one.image for one in light.irradiances)]
+    return [image for image in known if image is not None]
 
 
 def same(one, other):
-    if (one.image is None) != (other.image is None):
-        return False
-    images = one.image is None or np.array_equal(one.image, other.image)
-    return np.array_equal(one.picture, other.picture) and images and np.allclose(one.frame, other.frame, atol=1e-7)
+    pairs = list(zip(images(one), images(other), strict=False))
+    weights = [[irradiance.weights for irradiance in known.irradiances] for known in (one, other)]
+    return (
+        len(images(one)) == len(images(other))
+        and all(np.array_equal(a, b) for a, b in pairs)
+        and np.allclose(one.frame, other.frame, atol=1e-7)
+        and np.allclose(*weights, atol=1e-7)
+    )
 
 
 def write(path, views=3, **options):
@@ -68,8 +85,30 @@ def write(path, views=3, **options):
 
 
 @pytest.mark.parametrize("with_image", [False, True])
-def test_it_comes_back_to_the_last_bit(with_image):
-    assert same(decode_light(encode_light(light(3, with_image)), "x"), light(3, with_image))
+@pytest.mark.parametrize("with_tables", [False, True])
+def test_it_comes_back_to_the_last_bit(with_image, with_tables):
+    whole = light(3, with_image, with_tables)
+    found = decode_light(encode_light(whole), "x")
+    assert same(found, whole)
+    assert len(found.levels) == (len(level_widths(16)) - 1 if with_tables else 0)
+
+
+def test_what_the_file_holds_is_what_would_be_computed():
+    """Levels and irradiance from the file put the same texels on the device as the picture alone would."""
+    found = decode_light(encode_light(light(with_tables=True)), "x")
+    stored, computed = EnvironmentPyramid.of(found.picture, found.levels), EnvironmentPyramid.of(found.picture)
+    assert np.array_equal(stored.texels.numpy().view(np.uint32), computed.texels.numpy().view(np.uint32))
+    assert found.irradiance(MATTE) is found.irradiances[0].image
+    assert found.irradiance(2 * MATTE) is found.irradiances[1].image
+    other = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    assert np.array_equal(found.irradiance(other), irradiance_map(found.picture, other))
+
+
+def test_levels_of_another_picture_are_refused():
+    whole = light(with_tables=True)
+    for wrong in (replace(whole, levels=whole.levels[:-1]), replace(whole, levels=whole.levels[::-1])):
+        with pytest.raises(BakeError, match="is no light of rsibr"):
+            decode_light(encode_light(wrong), "a.exr")
 
 
 def test_equal_lights_give_equal_bytes_and_others_others():

@@ -9,8 +9,8 @@ import pytest
 
 from rsibr.baking.baker import bake
 from rsibr.geometry.frame import view_frame
+from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
-from rsibr.methods.registry import MethodSet
 from rsibr.scene.config import parse_config
 from rsibr.studies.noise import NoisyBake, noise_of, relative_square, without
 from rsibr.validation.report.document import EstimateModel

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rsibr.geometry.frame import view_frame
+from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
-from rsibr.methods.registry import MethodSet
 from rsibr.studies.plan import Variant
 from rsibr.studies.variants import bytes_read, opened_at, variant_of
 

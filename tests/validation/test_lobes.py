@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,8 +12,8 @@ from rsibr.baking.baker import bake
 from rsibr.errors import BakeError, InputError
 from rsibr.geometry.frame import view_frame
 from rsibr.lobes.split import LobeSplit
+from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
-from rsibr.methods.registry import MethodSet
 from rsibr.scene.config import Config
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
@@ -60,10 +61,10 @@ def test_errors_are_shares_of_the_whole_and_free_of_the_references_noise(rng):
     assert undebiased[1] > 1.2 * expected
 
 
-@pytest.mark.parametrize("kind", ["prefiltered", "fine"])
+@pytest.mark.parametrize("kind", ["rsibr", "rsibr-fine"])
 def test_the_parts_of_the_lobes_add_up_to_the_map(baked, kind):
     """Exact but for the packing of the residuals: 8e-6 of a texel's greatest channel, in each part and in the whole."""
-    make, frame = getattr(MethodSet(baked), kind), view_frame(VIEW)
+    make, frame = partial(MethodSet(baked).variant, kind), view_frame(VIEW)
     whole = make().map(frame, 24).numpy()[..., :3]
     parts = [make(lobe=record.name).map(frame, 24).numpy()[..., :3] for record in baked.manifest.lobes]
     assert len(parts) == 2
@@ -74,16 +75,16 @@ def test_the_parts_of_the_lobes_add_up_to_the_map(baked, kind):
 def test_a_part_comes_back_exactly_at_a_stored_view(baked):
     stored = baked.map(4)
     for record in baked.manifest.lobes:
-        part = MethodSet(baked).prefiltered(lobe=record.name).map(stored.frame, 24).numpy()[..., :3]
+        part = MethodSet(baked).variant("rsibr", lobe=record.name).map(stored.frame, 24).numpy()[..., :3]
         inside = stored.coverage > 0.99
         assert np.abs(part - stored.layers[record.name])[inside].max() < 2e-3 * stored.radiance.max()
 
 
 def test_a_lobe_that_is_not_there_is_no_part(baked):
     methods = MethodSet(baked)
-    for make in (methods.prefiltered, methods.fine):
+    for name in ("rsibr", "rsibr-fine"):
         with pytest.raises(KeyError):
-            make(lobe="velvet")
+            methods.variant(name, lobe="velvet")
 
 
 def test_lobes_are_held_against_a_reference_of_samples_of_their_own(baked, scene):

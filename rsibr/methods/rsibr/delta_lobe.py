@@ -32,7 +32,7 @@ class DeltaLobe:
     Attributes
     ----------
     light : LatLongTexture or EnvironmentPyramid
-        Where it is looked up: of a stack in its finest level.
+        Where it is looked up: of a pyramid in its finest level.
     fineness : mi.Float
         Points a side of a texel, over its width in radii of the disk (opaque).
     """
@@ -41,12 +41,12 @@ class DeltaLobe:
     fineness: mi.Float
 
     @classmethod
-    def of(cls, light: Light, stack: EnvironmentPyramid, density: float = ROUGH) -> DeltaLobe:
+    def of(cls, light: Light, pyramid: EnvironmentPyramid, density: float = ROUGH) -> DeltaLobe:
         """Take the environment's own image where the bake keeps it, otherwise the finest level of the blurred light.
 
         Parameters
         ----------
-        light, stack
+        light, pyramid
             The light, and the same blurred.
         density : float
             `EXACT` or `ROUGH`; the finest level has half the distance of an image's texels, and is looked at once a
@@ -54,7 +54,7 @@ class DeltaLobe:
         """
         if light.image is None:
             # A texel as wide as s shows 2s of the sky, head-on, and √(4π)/R is the distance of the light's texels
-            return cls(stack, dr.opaque(mi.Float, len(light.picture) / math.sqrt(math.pi)))
+            return cls(pyramid, dr.opaque(mi.Float, len(light.picture) / math.sqrt(math.pi)))
         image = LatLongTexture.of(light.image, light.frame)
         return cls(image, dr.opaque(mi.Float, density * light.image.shape[1] / math.pi))
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rsibr.geometry.projections.sphere_map import within_disk
 from rsibr.light.environment_pyramid import EnvironmentPyramid
-from rsibr.methods.rsibr.cosine_table import CosineTable
+from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.rsibr.half_vector_map import angle_per_length, half_vector, half_vector_texels
 
 LEVELS = 5

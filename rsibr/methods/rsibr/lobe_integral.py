@@ -35,6 +35,9 @@ _FILLING = 1.0  # width of a point's blur over the radius of the disk that it st
 _Seen = Callable[[ShadingFrame, "mi.Vector3f"], tuple["mi.Vector3f", "mi.Float", "mi.Float", "mi.Float"]]
 """(surface, facet) → where it reflects the viewer to, its weight, its grazing term, and how it spreads."""
 
+WideLight = Callable[[ShadingFrame], tuple["mi.Color3f", "mi.Color3f"]]
+"""Surface → weighted light of the wide Gaussians [W sr⁻¹ m⁻²], and its weight."""
+
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 
@@ -47,7 +50,7 @@ class QuadratureTable:
     values : mi.Float
         Twelve floats a row, each triple padded to a packet, flat; one row of zeros at least.
     count : mi.UInt32
-        How many rows there are (opaque: lists of other lengths need no other kernel).
+        How many rows there are (opaque: lists of other lengths need no other shape).
     is_empty : bool
         Whether there are none.
     """
@@ -102,30 +105,30 @@ class LobeIntegral:
     spreads: mi.Float
 
     @classmethod
-    def of(cls, kernel: LobeShape, stack: EnvironmentPyramid, light: Light, density: float = ROUGH) -> LobeIntegral:
-        """Put a lobe's kernel on the device.
+    def of(cls, shape: LobeShape, pyramid: EnvironmentPyramid, light: Light, density: float = ROUGH) -> LobeIntegral:
+        """Put a lobe's shape on the device.
 
         Parameters
         ----------
-        kernel : LobeShape
+        shape : LobeShape
             Its shape.
-        stack : EnvironmentPyramid
+        pyramid : EnvironmentPyramid
             The light, blurred.
         light : Light
             The same light, as it is.
         density : float
             How finely a delta lobe looks; see `DeltaLobe`.
         """
-        narrow = kernel.bare.between(0, WIDE)
+        narrow = shape.bare.between(0, WIDE)
         widths = np.stack([narrow.sigmas, *[np.zeros_like(narrow.sigmas)] * 2], axis=1)
         return cls(
-            light=EnvironmentPyramid.irradiance(light.picture, kernel.matte) if kernel.is_matte else stack,
-            mirrored=DeltaLobe.of(light, stack, density) if kernel.is_mirror else None,
-            is_matte=kernel.is_matte,
-            alpha=dr.opaque(mi.Float, kernel.alpha),
+            light=EnvironmentPyramid.of_irradiance(light.irradiance(shape.matte)) if shape.is_matte else pyramid,
+            mirrored=DeltaLobe.of(light, pyramid, density) if shape.is_mirror else None,
+            is_matte=shape.is_matte,
+            alpha=dr.opaque(mi.Float, shape.alpha),
             narrow=QuadratureTable.of(widths, narrow.plain, narrow.grazing),
-            bare=_quadrature(kernel.bare.between(WIDE, np.inf)),
-            coated=_quadrature(kernel.coated),
+            bare=_quadrature(shape.bare.between(WIDE, np.inf)),
+            coated=_quadrature(shape.coated),
             spreads=tap_spreads(),
         )
 
@@ -134,13 +137,15 @@ class LobeIntegral:
         """Whether some of the lobe is gathered at the nodes of the coarse grid."""
         return not (self.bare.is_empty and self.coated.is_empty)
 
-    def radiance(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
-        """Radiance toward `v` off surfaces with normal `n`, over the lobe's albedo.
+    def radiance(self, n: mi.Vector3f, v: mi.Vector3f, wide: WideLight | None = None) -> mi.Color3f:
+        """Radiance toward `v` from surfaces with normal `n`, over the lobe's albedo.
 
         Parameters
         ----------
         n, v : mi.Vector3f
             Unit vectors in world coordinates, one pair a lane.
+        wide : callable, optional
+            Gives light and weight of the wide Gaussians, such as `ViewNodes.lookup`; by default their quadrature.
 
         Returns
         -------
@@ -152,13 +157,14 @@ class LobeIntegral:
         if self.mirrored is not None:
             return self.mirrored.fetch(2 * dr.dot(n, v) * n - v)
         shading = ShadingFrame.of(n, v)
-        return _ratio(_sum(self._gathered_narrow(shading, mi.Float(0)), self._gathered_wide(shading)))
+        narrow = self._gathered_narrow(shading, mi.Float(0))
+        return _ratio(_sum(narrow, wide(shading) if wide else self.wide_light(shading)))
 
     def grid(self, frame: mi.Matrix3f) -> PolarGrid:
         """Gather the wide part of the lobe at the nodes of a grid over the map of `frame`, columns x, y, v."""
         n = frame @ PolarGrid.normals()
         v = mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2])
-        light, weight = self._gathered_wide(ShadingFrame.of(n, v))
+        light, weight = self.wide_light(ShadingFrame.of(n, v))
         return PolarGrid.of(light, weight)
 
     def radiance_in_map(
@@ -207,7 +213,7 @@ class LobeIntegral:
         )
         return light, weight
 
-    def _gathered_wide(self, shading: ShadingFrame) -> tuple[mi.Color3f, mi.Color3f]:
+    def wide_light(self, shading: ShadingFrame) -> tuple[mi.Color3f, mi.Color3f]:
         """Light and weight of the wide Gaussians, by quadrature over slopes."""
         return _sum(
             self._quadrature(shading, self.bare, self._bare), self._quadrature(shading, self.coated, self._coated)

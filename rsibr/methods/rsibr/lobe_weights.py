@@ -52,7 +52,7 @@ def lobe_weights(
     Parameters
     ----------
     lobes : sequence of (LobeShape, ndarray of shape (albedo nodes, 3))
-        Each lobe's kernel and directional albedo: at each angle its Gaussians' weights add up to that.
+        Each lobe's shape and directional albedo: at each angle its Gaussians' weights add up to that.
     resolution : int
         Texels a side of the first level.
     part : LobeShape, optional
@@ -68,10 +68,10 @@ def lobe_weights(
     spacing = texel_angle(resolution, angle)
     weights = np.zeros((LEVELS + 1, NODES, 3))
     energy, leans, variances = np.zeros((LEVELS + 1, NODES)), np.zeros((LEVELS + 1, NODES)), np.zeros(NODES)
-    for kernel, albedo in lobes:
-        for moments, weight in _normalized(facet_moments(kernel), albedo_at_nodes(albedo)):
+    for shape, albedo in lobes:
+        for moments, weight in _normalized(facet_moments(shape), albedo_at_nodes(albedo)):
             shares = _shares((moments.width / spacing) ** 2)
-            weights += shares[..., None] * (weight if part in (None, kernel) else 0)
+            weights += shares[..., None] * (weight if part in (None, shape) else 0)
             carried = shares * weight.sum(axis=1)
             energy += carried
             leans += carried * moments.lean

@@ -7,15 +7,15 @@ half-vector pyramid for the whole map.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr import backend
 from rsibr.geometry.frame import frame_of
 from rsibr.geometry.projections.sphere_map import (
     covered_middle,
@@ -24,29 +24,30 @@ from rsibr.geometry.projections.sphere_map import (
     texel_centres,
     tiled_texels,
 )
-from rsibr.methods.protocol import Method, as_rgba, frame_from, laid_out, touches_disk
-from rsibr.methods.rsibr.lobe_albedo import LobeAlbedo
-from rsibr.methods.rsibr.lobe_integral import LobeIntegral
-from rsibr.methods.rsibr.polar_grid import PolarGrid
-from rsibr.methods.rsibr.residual_transport import carried, within_reach
-from rsibr.methods.rsibr.rsibr import PrefilteredLobes
-from rsibr.methods.warp_blend.blend import Mixture
-from rsibr.methods.warp_blend.warp import Warp
+from rsibr.methods.inputs import MethodInputs
+from rsibr.methods.lobe_albedo import LobeAlbedo
+from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk
+from rsibr.methods.rsibr.delta_lobe import EXACT, ROUGH
+from rsibr.methods.rsibr.residual_transport import clamped, warped_residual
+from rsibr.methods.warp_blend.blend import WEIGHTS, Mixture, triangle_mix
+from rsibr.methods.warp_blend.source_maps import SourceMaps
+from rsibr.methods.warp_blend.warp import MirrorWarp, Warp
+from rsibr.methods.warp_blend.warp_blend import WarpBlend
 
 
 @dataclass(eq=False)
-class ResidualMethod(Method):
-    """A model P of all lobes and what it left unsaid.
+class ResidualMethod(WarpBlend):
+    """A prediction P of all lobes, and the residuals of the stored maps.
 
     Attributes
     ----------
     albedo : LobeAlbedo
-        Directional albedo of the whole material; it also keeps its place where `sources` holds residuals over it.
+        Directional albedo E of the whole material; `sources` holds the residuals over it.
     uses_maps : bool
-        Whether the residuals take part; without them the method is the model alone.
+        Whether the residuals are added; without them the method is P alone.
     keeps_negatives : bool
-        Whether what falls below zero is kept, and residuals uncut: by a part of a sum, for only so do the parts add up,
-        and in spectral maps, where a colour outside Rec.709 is no mistake.
+        Whether negative radiance is kept and residuals are not clamped: in one lobe's part of a sum, for only so do the
+        parts add up, and in spectral maps, where a colour outside Rec.709 is right.
     """
 
     albedo: LobeAlbedo = field(kw_only=True)
@@ -54,130 +55,152 @@ class ResidualMethod(Method):
     keeps_negatives: bool = False
 
     def image(self, columns: mi.Float, resolution: int) -> mi.Float:
-        """The texels of a map: see `Method.image`."""
+        """Texels of a map; see `WarpBlend.image`."""
+        # What a map shares: the stored views around it, and tables of the prediction
         frame = frame_from(columns)
         toward = self._toward(frame) if self.uses_maps else None
-        gathered = self._gathered(frame, resolution)
-        dr.eval(frame, toward, gathered)
+        tables = self._map_tables(frame, resolution)
+        dr.eval(frame, toward, tables)
+        # Its texels
         texel = tiled_texels(resolution)
         p = texel_centre(texel, resolution)
 
-        def shaded(n: mi.Vector3f, seen: mi.Vector3f) -> mi.Vector4f:
-            radiance = self._modelled(seen, frame, gathered, resolution)
+        def shaded(n: mi.Vector3f, middle: mi.Vector3f) -> mi.Vector4f:
+            radiance = self._predicted(middle, frame, tables, resolution)
             if toward is not None:
-                radiance += self._carried(toward, n, self.albedo.at(seen.z), radiance)
+                radiance += self._residual(toward, n, self.albedo.at(middle.z), radiance)
             return as_rgba(self._finished(radiance))
 
         inside = touches_disk(p, resolution)
         normals = normal_from_disk(p), normal_from_disk(covered_middle(p, resolution))
-        radiance = dr.if_stmt(normals, inside, shaded, lambda _n, _seen: mi.Vector4f(0))
+        radiance = dr.if_stmt(normals, inside, shaded, lambda _n, _middle: mi.Vector4f(0))
         return laid_out(radiance, texel, resolution)
 
-    def left_over(self, radiance: NDArray[np.float32], frame: NDArray[np.float64]) -> NDArray[np.float32]:
-        """What a stored map says that the model does not, over the albedo.
+    @backend.in_session
+    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
+        """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
+        frame = frame_of(v)
+        local = frame.T @ n
+        radiance = self._predicted_at(n, v, local.z)
+        if self.uses_maps:
+            radiance += self._residual(self._toward(frame), local, self.albedo.at(local.z), radiance)
+        return self._finished(radiance)
+
+    def residual_of(self, radiance: NDArray[np.float32], frame: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Residual of a stored map over the albedo: (S − P)/E.
 
         Parameters
         ----------
         radiance : ndarray, shape (N, N, 3)
-            The map [W sr⁻¹ m⁻²].
+            The map S [W sr⁻¹ m⁻²].
         frame : ndarray, shape (3, 3)
             Its frame, columns x, y, v.
 
         Returns
         -------
-        ndarray, shape (N, N, 3)
-            The residual; what lies outside the disk means nothing.
+        ndarray, shape (N, N, 3), float32
+            Texels outside the disk mean nothing.
         """
         resolution = len(radiance)
         self._prepare(resolution)
         matrix = mi.Matrix3f(frame.astype(np.float32))
         dr.make_opaque(matrix)
         n = normal_from_disk(covered_middle(texel_centres(resolution), resolution))
-        gathered = self._gathered(matrix, resolution)
-        dr.eval(gathered)
-        modelled, albedo = self._modelled(n, matrix, gathered, resolution), self.albedo.at(n.z)
-        model, share = (np.array(colour).T.reshape(radiance.shape) for colour in (modelled, albedo))
-        return np.asarray((radiance - model) / share, dtype=np.float32)
+        tables = self._map_tables(matrix, resolution)
+        dr.eval(tables)
+        predicted, albedo = self._predicted(n, matrix, tables, resolution), self.albedo.at(n.z)
+        p, e = (np.array(colour).T.reshape(radiance.shape) for colour in (predicted, albedo))
+        return np.asarray((radiance - p) / e, dtype=np.float32)
 
-    def _carried(
-        self, toward: tuple[Mixture, list[Warp]], n: mi.Vector3f, albedo: mi.Color3f, modelled: mi.Color3f
+    def _residual(
+        self, toward: tuple[Mixture, list[Warp]], n: mi.Vector3f, albedo: mi.Color3f, predicted: mi.Color3f
     ) -> mi.Color3f:
-        residual = albedo * carried(self.sources, *toward, n)
-        return residual if self.keeps_negatives else within_reach(residual, modelled, toward[0])
+        residual = albedo * warped_residual(self.sources, *toward, n)
+        return residual if self.keeps_negatives else clamped(residual, predicted, toward[0])
 
     def _finished(self, radiance: mi.Color3f) -> mi.Color3f:
         return radiance if self.keeps_negatives else dr.maximum(radiance, 0)
 
-    def _gathered(self, frame: mi.Matrix3f, resolution: int) -> Any:
-        """What the model of a whole map can know before its texels; arrays, to be evaluated."""
+    def _map_tables(self, frame: mi.Matrix3f, resolution: int) -> Any:
+        """Arrays that the prediction of a whole map is looked up in, not yet evaluated."""
         raise NotImplementedError
 
-    def _modelled(self, n: mi.Vector3f, frame: mi.Matrix3f, gathered: Any, resolution: int) -> mi.Color3f:
-        """Radiance that the model gives the texels of a map with the normals `n` in the map's frame."""
+    def _predicted(self, n: mi.Vector3f, frame: mi.Matrix3f, tables: Any, resolution: int) -> mi.Color3f:
+        """Radiance predicted for texels with the normals `n` in the map's frame."""
+        raise NotImplementedError
+
+    def _predicted_at(self, n: mi.Vector3f, v: mi.Vector3f, cosine: mi.Float) -> mi.Color3f:
+        """Radiance predicted for single pairs of normal and view in world coordinates, with cos θ."""
         raise NotImplementedError
 
 
-@dataclass(eq=False)
-class FineMethod(ResidualMethod):
-    """`rsibr-fine`: each lobe gathers its own light, by as many lookups as its shape asks for.
+@dataclass(frozen=True)
+class ResidualOptions:
+    """What of a bake a method with residuals is made from.
 
     Attributes
     ----------
-    lobes : list of (LobeIntegral, LobeAlbedo)
-        Model of each lobe, and its share of the albedo.
+    inputs : MethodInputs
+        The bake.
+    uses_maps : bool or None
+        Whether residuals are added; None: unless the bake holds one map alone.
+    lobe : str or None
+        Only this lobe's part: its prediction, and the residual of its own layer from the views that have one. All of it
+        is linear, so the parts of all lobes add up to the method where nothing is clamped and every view keeps all
+        lobes apart. A part may be negative.
     """
 
-    lobes: list[tuple[LobeIntegral, LobeAlbedo]] = field(default_factory=list)
+    inputs: MethodInputs
+    uses_maps: bool | None = None
+    lobe: str | None = None
 
-    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
-        """Radiance toward `v` off surfaces with normal `n`: see `Method.eval`."""
-        frame = frame_of(v)
-        local = frame.T @ n
-        radiance = mi.Color3f(0)
-        for model, albedo in self.lobes:
-            radiance += albedo.at(local.z) * model.radiance(n, v)
-        if self.uses_maps:
-            radiance += self._carried(self._toward(frame), local, self.albedo.at(local.z), radiance)
-        return self._finished(radiance)
+    @property
+    def carries(self) -> bool:
+        """Whether residuals are added."""
+        return self.inputs.bake.has_views if self.uses_maps is None else self.uses_maps
 
-    def _gathered(self, frame: mi.Matrix3f, resolution: int) -> list[PolarGrid | None]:  # noqa: ARG002
-        return [model.grid(frame) if model.has_grid else None for model, _ in self.lobes]
+    @property
+    def mirror_density(self) -> float:
+        """How finely a delta lobe samples the light: exactly where no residual mends it; see `DeltaLobe`."""
+        return ROUGH if self.carries else EXACT
 
-    def _modelled(
-        self, n: mi.Vector3f, frame: mi.Matrix3f, gathered: list[PolarGrid | None], resolution: int
-    ) -> mi.Color3f:
-        radiance = mi.Color3f(0)
-        for (model, albedo), grid in zip(self.lobes, gathered, strict=True):
-            radiance += albedo.at(n.z) * model.radiance_in_map(n, frame, grid, mi.Float(2 / resolution))
-        return radiance
+    def __str__(self) -> str:
+        """Name what differs from the method as it is."""
+        return f"/{self.lobe}" if self.lobe else ""
 
 
-@dataclass(eq=False)
-class PrefilteredMethod(ResidualMethod):
-    """`rsibr`: the light that all lobes gather, for a whole map at once.
+_M = TypeVar("_M", bound=ResidualMethod)
 
-    Attributes
+
+def residual_method(kind: type[_M], name: str, options: ResidualOptions, weights: str, **own: Any) -> _M:
+    """Make a method of the class `kind`, and its residuals where it uses them.
+
+    Parameters
     ----------
-    prefilter : callable
-        Resolution → the lobes, prepared for maps of it.
-    by_itself : callable
-        The method for single pairs of normal and viewer, which no prefiltering helps: `FineMethod`.
+    kind : type
+        Class of the method.
+    name : str
+        Its name.
+    options : ResidualOptions
+        What it is made from.
+    weights : str
+        Barycentric weights of the residuals, one of `WEIGHTS`.
+    **own
+        Fields that `kind` adds to `ResidualMethod`.
     """
-
-    prefilter: Callable[[int], PrefilteredLobes] = field(kw_only=True)
-    by_itself: Callable[[], Method] = field(kw_only=True)
-    _lobes: dict[int, PrefilteredLobes] = field(default_factory=dict, init=False, repr=False)
-
-    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
-        """Radiance toward `v` off surfaces with normal `n`: see `Method.eval`."""
-        return self.by_itself().eval(n, v)
-
-    def _prepare(self, resolution: int) -> None:
-        if resolution not in self._lobes:
-            self._lobes[resolution] = self.prefilter(resolution)
-
-    def _gathered(self, frame: mi.Matrix3f, resolution: int) -> mi.Float:
-        return self._lobes[resolution].gathered(frame)
-
-    def _modelled(self, n: mi.Vector3f, frame: mi.Matrix3f, gathered: mi.Float, resolution: int) -> mi.Color3f:
-        return self._lobes[resolution].radiance(n, frame, gathered, mi.Float(2 / resolution))
+    inputs, lobe = options.inputs, options.lobe
+    made = kind(
+        f"{name}{options}",
+        inputs.first_views(inputs.stored_count(lobe)),
+        SourceMaps.none(),
+        triangle_mix(WEIGHTS[weights]),
+        MirrorWarp.between,
+        albedo=LobeAlbedo.of(np.sum([np.array(record.albedo) for record in inputs.lobes], axis=0)),
+        uses_maps=options.carries,
+        keeps_negatives=lobe is not None or inputs.bake.rendering != "rgb",
+        **own,
+    )
+    if options.carries:
+        residuals = [made.residual_of(inputs.image(m, lobe), m.frame) for m in inputs.stored(lobe)]
+        made.sources = inputs.on_device(residuals)
+    return made

@@ -1,4 +1,4 @@
-"""What a model of the reflected light leaves unsaid at the stored views, carried to a new one."""
+"""Residuals of the stored views, warped to a new view and weighted."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from rsibr.methods.warp_blend.source_maps import SourceMaps
 from rsibr.methods.warp_blend.warp import Warp
 
 BRIGHTEST = 1.0
-"""Residual over model beyond which it is cut, halfway between stored views; the nearer one of them is, the less is."""
+"""Residual over prediction that is kept where all stored views are far; the nearer one is, the more is kept."""
 
 _LEAST_COSINE = 1e-6
 _AT_A_STORED_VIEW = 1e-4  # its weight from 1
 
 
-def carried(sources: SourceMaps, mixture: Mixture, warps: list[Warp], n: mi.Vector3f) -> mi.Color3f:
+def warped_residual(sources: SourceMaps, mixture: Mixture, warps: list[Warp], n: mi.Vector3f) -> mi.Color3f:
     """Σ_i w_i c_i² ρ_i² R_i(p_i) / Σ_i w_i c_i² at the surface normal `n` of the new view.
 
-    A residual R_i = (S_i − P_i)/E is trusted by the cosine c_i under which its view saw the surface, and counts as far
-    as the footprints of the two views overlap, ρ_i = min(c_i, c_d)/max(c_i, c_d): an error of the model at one angle
-    says the less about another the more the angles differ. At a stored view nothing is left out: exact there, whatever
-    the model is.
+    A residual R_i = (S_i − P_i)/E has the weight of its view, times c_i², with the cosine c_i under which that view saw
+    the surface. It is damped by ρ_i², with the overlap ρ_i = min(c_i, c_d)/max(c_i, c_d) of the two footprints: an
+    error of P at one angle says less about another, the more the two differ. At a stored view nothing is damped: the
+    method is exact there, whatever P is.
 
     Parameters
     ----------
@@ -52,15 +52,15 @@ def carried(sources: SourceMaps, mixture: Mixture, warps: list[Warp], n: mi.Vect
     return residual * (1 / total)
 
 
-def within_reach(residual: mi.Color3f, modelled: mi.Color3f, mixture: Mixture) -> mi.Color3f:
-    """Keep a residual from outshining the model where that is dark.
+def clamped(residual: mi.Color3f, predicted: mi.Color3f, mixture: Mixture) -> mi.Color3f:
+    """Clamp a residual to a multiple of the prediction.
 
-    What a stored map shows beside its rim is spread over much of the sky; carried to a texel that sees only a dark part
-    of it, what the model misses of a lamp would light it a hundredfold. At a stored view everything is kept.
+    A texel near a stored map's rim averages over much of the sky. Warped to a texel that sees only a dark part of it,
+    an unclamped residual can exceed the local radiance by 100×. At a stored view nothing is clamped.
 
     Parameters
     ----------
-    residual, modelled : mi.Color3f
+    residual, predicted : mi.Color3f
         What is added, and what it is added to [W sr⁻¹ m⁻²].
     mixture : Mixture
         Stored views and their weights.
@@ -68,10 +68,10 @@ def within_reach(residual: mi.Color3f, modelled: mi.Color3f, mixture: Mixture) -
     Returns
     -------
     mi.Color3f
-        The residual, no brighter than `BRIGHTEST`/(1 − w) times the model, with the greatest weight w.
+        The residual, no brighter than `BRIGHTEST`/(1 − w) times the prediction, with the greatest weight w.
     """
     nearest = mixture.weights[0]
     for weight in mixture.weights[1:]:
         nearest = dr.maximum(nearest, weight)
-    reach = modelled * (BRIGHTEST / dr.maximum(1 - nearest, _AT_A_STORED_VIEW))
+    reach = predicted * (BRIGHTEST / dr.maximum(1 - nearest, _AT_A_STORED_VIEW))
     return dr.select(1 - nearest > _AT_A_STORED_VIEW, dr.minimum(residual, reach), residual)

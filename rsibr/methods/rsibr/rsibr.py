@@ -1,141 +1,130 @@
-"""The method `rsibr`: as `rsibr-fine`, with a model that is quick for whole maps."""
+"""`rsibr`: prediction from a half-vector pyramid for whole maps, from view nodes for single points, plus residuals."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import mitsuba as mi
-import numpy as np
-from numpy.typing import NDArray
 
-from rsibr.light.environment_pyramid import EnvironmentPyramid
-from rsibr.light.radiance import Light
-from rsibr.lobes.gaussians import LobeShape
-from rsibr.methods.rsibr.anisotropic_footprint import AnisotropicFootprint, ShadingFrame
-from rsibr.methods.rsibr.cosine_table import CosineTable
-from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe
-from rsibr.methods.rsibr.half_vector_map import half_vector_point
-from rsibr.methods.rsibr.half_vector_pyramid import balance, finest_resolution, gathered, lookup
-from rsibr.methods.rsibr.lobe_weights import LobeWeights, albedo_at_nodes, lobe_weights
-
-Array = NDArray[np.float64]
+from rsibr import backend
+from rsibr.methods.inputs import MethodInputs
+from rsibr.methods.lobe_albedo import LobeAlbedo
+from rsibr.methods.protocol import Needs
+from rsibr.methods.registry import register
+from rsibr.methods.rsibr.half_vector_lobes import HalfVectorLobes
+from rsibr.methods.rsibr.lobe_integral import LobeIntegral
+from rsibr.methods.rsibr.residual_method import ResidualMethod, ResidualOptions, residual_method
+from rsibr.methods.rsibr.view_nodes import ViewNodes
 
 
 @dataclass(eq=False)
-class PrefilteredLobes:
-    """All lobes of a material under a light, for sphere maps of one resolution.
+class RsibrPoints(ResidualMethod):
+    """`rsibr` for single pairs of normal and view: narrow parts of the lobes per point, wide parts from view nodes.
+
+    It has residuals of its own, against its own prediction: so it is exact at the stored views too.
 
     Attributes
     ----------
-    light : EnvironmentPyramid
-        The light, blurred.
-    resolution : int
-        Texels a side of the facet pyramid's first level.
-    levels : list of CosineTable
-        Weight of each level of the pyramid; none where no lobe is glossy.
-    balance : mi.Float
-        Factors on the pyramid's sum; see `facet_pyramid.balance`.
-    sharp : CosineTable or None
-        Weight and width of what is narrower than the first level, deltas aside; None where nothing is.
-    mirror : (DeltaLobe, CosineTable) or None
-        The light as a delta lobe shows it, and the albedo of that; None where there is none.
-    matte : list of (EnvironmentPyramid, CosineTable)
-        Irradiance and albedo of each matte lobe.
+    lobes : list of (LobeIntegral, ViewNodes or None, LobeAlbedo)
+        Reflection integral of each lobe, its wide part tabulated where it has one, and its directional albedo.
     """
 
-    light: EnvironmentPyramid
-    resolution: int
-    levels: list[CosineTable]
-    balance: mi.Float
-    sharp: CosineTable | None
-    mirror: tuple[DeltaLobe, CosineTable] | None
-    matte: list[tuple[EnvironmentPyramid, CosineTable]]
+    lobes: list[tuple[LobeIntegral, ViewNodes | None, LobeAlbedo]] = field(default_factory=list)
 
-    @classmethod
-    def of(
-        cls,
-        lobes: list[tuple[LobeShape, Array]],
-        stack: EnvironmentPyramid,
-        light: Light,
-        resolution: int,
-        part: LobeShape | None = None,
-        density: float = ROUGH,
-    ) -> PrefilteredLobes:
-        """Prepare the lobes for sphere maps of N×N texels.
-
-        Parameters
-        ----------
-        lobes : list of (LobeShape, ndarray of shape (albedo nodes, 3))
-            Kernel and directional albedo of each.
-        stack, light
-            The light, blurred; and as it is.
-        resolution : int
-            N.
-        part : LobeShape, optional
-            The one of `lobes` to take alone; the parts of all add up to the whole.
-        density : float
-            How finely a delta lobe looks; see `DeltaLobe`.
-        """
-        finest = finest_resolution(resolution)
-        glossy = [lobe for lobe in lobes if not lobe[0].is_matte and not lobe[0].is_mirror]
-        mirrors = [albedo for kernel, albedo in lobes if kernel.is_mirror and part in (None, kernel)]
-        weights, whole = lobe_weights(glossy, finest, part), lobe_weights(glossy, finest)
-        return cls(
-            light=stack,
-            resolution=finest,
-            levels=_tables(weights) if glossy else [],
-            balance=balance(_tables(whole), finest) if glossy else mi.Float(0),  # of all parts, so that they add up
-            sharp=CosineTable.of(weights.sharp) if weights.has_sharp else None,
-            mirror=(DeltaLobe.of(light, stack, density), CosineTable.of(albedo_at_nodes(mirrors[0])))
-            if mirrors
-            else None,
-            matte=[
-                (EnvironmentPyramid.irradiance(light.picture, kernel.matte), CosineTable.of(albedo_at_nodes(albedo)))
-                for kernel, albedo in lobes
-                if kernel.is_matte and part in (None, kernel)
-            ],
-        )
-
-    def gathered(self, frame: mi.Matrix3f) -> mi.Float:
-        """Light of all glossy lobes over the facet map of `frame`, columns x, y, v; for `radiance`."""
-        if not self.levels:
-            return mi.Float(0)
-        return gathered(frame, self.light, self.levels, self.balance, self.resolution)
-
-    def radiance(self, n: mi.Vector3f, frame: mi.Matrix3f, facets: mi.Float, spacing: mi.Float) -> mi.Color3f:
-        """Mean radiance over a texel of a sphere map that the lobes reflect.
-
-        Parameters
-        ----------
-        n : mi.Vector3f
-            Unit normals at the texels' centres in the map's frame.
-        frame : mi.Matrix3f
-            Columns x, y, v of the map's frame.
-        facets : mi.Float
-            From `gathered`.
-        spacing : mi.Float
-            Distance of neighbouring texels in radii of the disk.
-        """
+    def _predicted_at(self, n: mi.Vector3f, v: mi.Vector3f, cosine: mi.Float) -> mi.Color3f:
         radiance = mi.Color3f(0)
-        if self.levels:
-            radiance += _colour(lookup(facets, self.resolution, half_vector_point(n)))
-        world = frame @ n
-        for irradiance, albedo in self.matte:
-            radiance += _colour(albedo.at(n.z)) * irradiance.fetch(world, mi.UInt32(0))
-        if self.mirror is not None:
-            mirrored, share = self.mirror
-            radiance += mirrored.mean_over_texel(n, frame, spacing, lambda cosine: _colour(share.at(cosine)))
-        if self.sharp is None:
-            return radiance
-        weight = self.sharp.at(n.z)
-        shading = ShadingFrame.of(world, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
-        sharp = AnisotropicFootprint.of(shading, weight.w, spacing).two_taps(self.light.nearest_blurred)
-        return radiance + _colour(weight) * sharp
+        for integral, nodes, albedo in self.lobes:
+            radiance += albedo.at(cosine) * integral.radiance(n, v, nodes.lookup if nodes else None)
+        return radiance
+
+    def _map_tables(self, frame: mi.Matrix3f, resolution: int) -> None:  # noqa: ARG002
+        return None
+
+    def _predicted(self, n: mi.Vector3f, frame: mi.Matrix3f, tables: None, resolution: int) -> mi.Color3f:  # noqa: ARG002
+        v = mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2])
+        return self._predicted_at(frame @ n, v, n.z)
 
 
-def _tables(weights: LobeWeights) -> list[CosineTable]:
-    return [CosineTable.of(level) for level in weights.levels]
+@dataclass(eq=False)
+class Rsibr(ResidualMethod):
+    """Prediction from one half-vector pyramid for all texels of a map.
+
+    Attributes
+    ----------
+    prefilter : callable
+        Resolution of a map → the lobes, prepared for it.
+    points : callable
+        Makes the evaluation of single points, when it is first asked for.
+    """
+
+    prefilter: Callable[[int], HalfVectorLobes] = field(kw_only=True)
+    points: Callable[[], RsibrPoints] = field(kw_only=True)
+    _lobes: dict[int, HalfVectorLobes] = field(default_factory=dict, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._points: RsibrPoints | None = None  # no field: recorded kernels of maps do not read it
+
+    @backend.in_session
+    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
+        """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
+        if self._points is None:
+            with self._preparing():
+                self._points = self.points()
+        return self._points.eval(n, v)
+
+    def _prepare(self, resolution: int) -> None:
+        if resolution not in self._lobes:
+            with self._preparing():
+                self._lobes[resolution] = self.prefilter(resolution)
+
+    def _map_tables(self, frame: mi.Matrix3f, resolution: int) -> mi.Float:
+        return self._lobes[resolution].gathered(frame)
+
+    def _predicted(self, n: mi.Vector3f, frame: mi.Matrix3f, tables: mi.Float, resolution: int) -> mi.Color3f:
+        return self._lobes[resolution].radiance(n, frame, tables, mi.Float(2 / resolution))
 
 
-def _colour(values: mi.Vector4f) -> mi.Color3f:
-    return mi.Color3f(values.x, values.y, values.z)
+@register(
+    "rsibr",
+    summary="ours: all lobes predicted from the light, plus the warped residuals of the stored maps",
+    needs=Needs(light=True, lobes=True),
+    role="default",
+    rank=50,
+)
+def rsibr(
+    inputs: MethodInputs, *, weights: str = "gnomonic", uses_maps: bool | None = None, lobe: str | None = None
+) -> Rsibr:
+    """Make the method.
+
+    Parameters
+    ----------
+    inputs : MethodInputs
+        Maps, light and lobes of a bake.
+    weights : str
+        Barycentric weights of the residuals, one of `WEIGHTS`.
+    uses_maps, lobe
+        See `ResidualOptions`.
+    """
+    options = ResidualOptions(inputs, uses_maps, lobe)
+    lobes, part = list(inputs.shapes.values()), inputs.shapes[lobe][0] if lobe else None
+    pyramid, light, density = inputs.pyramid, inputs.light, options.mirror_density
+
+    def points() -> RsibrPoints:
+        chosen = [inputs.shapes[lobe]] if lobe else lobes
+        integrals = [(LobeIntegral.of(shape, pyramid, light, density), albedo) for shape, albedo in chosen]
+        tabulated = [
+            (integral, ViewNodes.of(integral) if integral.has_grid else None, LobeAlbedo.of(albedo))
+            for integral, albedo in integrals
+        ]
+        return residual_method(RsibrPoints, "rsibr", options, weights, lobes=tabulated)
+
+    return residual_method(
+        Rsibr,
+        "rsibr",
+        options,
+        weights,
+        prefilter=lambda resolution: HalfVectorLobes.of(lobes, pyramid, light, resolution, part, density),
+        points=points,
+    )

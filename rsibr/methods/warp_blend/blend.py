@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import mitsuba as mi
 
-from rsibr.geometry.spherical import Weights
+from rsibr.geometry.spherical import Weights, area_weights, gnomonic_weights
 from rsibr.geometry.viewpoints import ViewSphere
 from rsibr.methods.warp_blend.source_maps import SourceMaps, StoredView
 
@@ -30,6 +30,10 @@ class Mixture:
 
 Mix = Callable[[ViewSphere, SourceMaps, "mi.Vector3f"], Mixture]
 """(stored directions, maps, view directions) → the mixture of stored views for each direction."""
+
+
+WEIGHTS = {"area": area_weights, "gnomonic": gnomonic_weights}
+"""Barycentric weights in a spherical triangle, by name."""
 
 
 def nearest_mix(sphere: ViewSphere, sources: SourceMaps, v: mi.Vector3f) -> Mixture:

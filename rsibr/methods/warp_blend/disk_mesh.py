@@ -82,7 +82,7 @@ class DiskMesh:
 class MeshWarp:
     """Sample a warp at the mesh's vertices and interpolate it linearly between them, in the plane of the map.
 
-    Three evaluations a lane; a whole map costs far less, see `rsibr.methods.protocol.MeshMethod`.
+    Three evaluations a lane; a whole map costs far less, see `MeshWarpBlend`.
 
     Attributes
     ----------

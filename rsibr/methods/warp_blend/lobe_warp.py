@@ -1,4 +1,7 @@
-"""The method `rsibr`: each lobe warped in its own way, its albedo carried with the surface, its footprint corrected."""
+"""Lobes warped apart: each by its own warp, its directional albedo divided out and put back, its footprint corrected.
+
+A step between `cabral1999` and `rsibr` that needs no light; not registered as a method, but there for studies.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +12,19 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr import backend
 from rsibr.geometry.frame import frame_of
 from rsibr.geometry.projections.sphere_map import normal_from_disk, texel_centre, tiled_texels
+from rsibr.geometry.spherical import gnomonic_weights
 from rsibr.geometry.viewpoints import ViewSphere
-from rsibr.methods.protocol import Method, as_rgba, frame_from, laid_out, touches_disk
-from rsibr.methods.rsibr.lobe_albedo import LobeAlbedo
-from rsibr.methods.warp_blend.blend import Mixture
+from rsibr.methods.inputs import MethodInputs
+from rsibr.methods.lobe_albedo import LobeAlbedo
+from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
+from rsibr.methods.warp_blend.blend import Mixture, triangle_mix
 from rsibr.methods.warp_blend.footprint_covariance import MOST_TAKEN, MirrorFootprint, tap_angle
 from rsibr.methods.warp_blend.source_maps import SourceMaps, StoredView
 from rsibr.methods.warp_blend.warp import LEAST_CONFIDENCE, MirrorWarp, NormalWarp
+from rsibr.methods.warp_blend.warp_blend import WarpBlend
 
 Toward = tuple[Mixture, "list[LobeWarps]"]
 """The stored views around a new one, and the warps to them."""
@@ -102,7 +109,7 @@ class LobeGroup:
 
 @dataclass(frozen=True)
 class Corrections:
-    """What `rsibr` does beyond warping; each can be left out, to see what it gains and what it costs.
+    """What is done beyond warping; each can be left out, to see what it gains and what it costs.
 
     Attributes
     ----------
@@ -118,7 +125,7 @@ class Corrections:
 
 
 @dataclass(eq=False)
-class LobeWarpMethod(Method):
+class LobeWarpMethod(WarpBlend):
     """Σ_k E_k(θ_d) [Σ_i w_i c_ik S_ik(p_ik)/E_k(θ_ik)] / Σ_i w_i c_ik; DESIGN.md, "Lobes".
 
     Attributes
@@ -132,13 +139,35 @@ class LobeWarpMethod(Method):
     groups: list[LobeGroup] = field(default_factory=list)
     corrections: Corrections = Corrections()
 
+    @classmethod
+    def of(cls, inputs: MethodInputs, corrections: Corrections = Corrections()) -> LobeWarpMethod:
+        """Make the method from a bake's lobes.
+
+        Each lobe is interpolated between the views that have a layer of it, for some lobes fewer than all.
+        """
+        groups: dict[int, list[LobeMaps]] = {}
+        for record in inputs.lobes:
+            images = [inputs.image(m, record.name) for m in inputs.stored(record.name)]
+            lobe = LobeMaps.of(inputs.on_device(images), record.alpha, np.array(record.albedo))
+            groups.setdefault(len(images), []).append(lobe)
+        return cls(
+            "lobe-warp",
+            inputs.viewpoints,
+            inputs.sources,
+            triangle_mix(gnomonic_weights),
+            LobeWarps.between,
+            groups=[LobeGroup(inputs.first_views(count).on_device, lobes) for count, lobes in groups.items()],
+            corrections=corrections,
+        )
+
+    @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
-        """Radiance toward `v` off surfaces with normal `n`: see `Method.eval`."""
+        """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
         frame = frame_of(v)
         return self._summed(self._toward_each(frame), frame.T @ n)
 
     def image(self, columns: mi.Float, resolution: int) -> mi.Float:
-        """The texels of a map: see `Method.image`."""
+        """Texels of a map; see `WarpBlend.image`."""
         toward = self._toward_each(frame_from(columns))
         dr.eval(toward)
         texel = tiled_texels(resolution)
@@ -153,8 +182,7 @@ class LobeWarpMethod(Method):
 
     def _toward_each(self, frame: mi.Matrix3f) -> list[Toward]:
         """For each group the sources of the view that `frame` looks from, and the warps to them."""
-        v = mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2])
-        mixtures = [self.mix(group.sphere, group.lobes[0].sources, v) for group in self.groups]
+        mixtures = [self.mix(group.sphere, group.lobes[0].sources, view_of(frame)) for group in self.groups]
         return [(mixture, [LobeWarps.between(stored, frame) for stored in mixture.views]) for mixture in mixtures]
 
     def _summed(self, toward: list[Toward], n: mi.Vector3f) -> mi.Color3f:

@@ -104,6 +104,12 @@ class SourceMaps:
             map_size=dr.opaque(mi.UInt32, strips * stride * _STRIP),
         )
 
+    @classmethod
+    def none(cls) -> SourceMaps:
+        """Return maps of no view: for a method that looks none up, or none yet."""
+        nothing = np.zeros((0, 3, 3))
+        return cls.from_arrays(np.zeros((0, 1, 1, 3), np.float32), np.zeros((0, 1, 1), np.float32), nothing)
+
     def view(self, index: mi.UInt32) -> StoredView:
         """Look up the frame of the stored view `index`, one a lane."""
         x, y, v = (dr.gather(mi.Vector3f, self.frames, 3 * index + axis) for axis in range(3))

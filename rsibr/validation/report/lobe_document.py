@@ -6,18 +6,19 @@ from collections.abc import Sequence
 
 from pydantic import Field
 
-from rsibr.validation.lobes import METHOD, LobeError, LobeSummary, ViewLobes, summarise
+from rsibr.methods.registry import default_method
+from rsibr.validation.lobes import LobeError, LobeSummary, ViewLobes, summarise
 from rsibr.validation.report.estimate_document import EstimateModel, Interval, Positive, StrictModel
 
 
-class LobeIntegral(StrictModel):
+class LobeErrorModel(StrictModel):
     """One lobe at one view."""
 
     rel_mse: EstimateModel = Field(description="squared error of the lobe over the denominator of the whole's relMSE")
     light: float = Field(description="share of the lobe in the light of the map")
 
     @classmethod
-    def of(cls, error: LobeError) -> LobeIntegral:
+    def of(cls, error: LobeError) -> LobeErrorModel:
         """Take over a lobe's error."""
         return cls(rel_mse=EstimateModel.of(error.rel_mse), light=error.light)
 
@@ -26,12 +27,12 @@ class ViewLobesModel(StrictModel):
     """All lobes at one view."""
 
     worst: str = Field(description="the lobe with the largest error")
-    errors: dict[str, LobeIntegral]
+    errors: dict[str, LobeErrorModel]
 
     @classmethod
     def of(cls, lobes: ViewLobes) -> ViewLobesModel:
         """Take over a view's lobes."""
-        return cls(worst=lobes.worst, errors={name: LobeIntegral.of(error) for name, error in lobes.errors.items()})
+        return cls(worst=lobes.worst, errors={name: LobeErrorModel.of(error) for name, error in lobes.errors.items()})
 
 
 class LobeSummaryModel(StrictModel):
@@ -61,7 +62,7 @@ class LobesModel(StrictModel):
     def of(cls, views: Sequence[ViewLobes]) -> LobesModel:
         """Take over the lobes of all views."""
         return cls(
-            method=METHOD,
+            method=default_method(),
             samples=views[0].samples,
             buffers=views[0].buffers,
             seconds=sum(view.seconds for view in views),

@@ -6,7 +6,7 @@ import pytest
 
 from rsibr.geometry.frame import view_frame
 from rsibr.light.environment_pyramid import EnvironmentPyramid
-from rsibr.methods.rsibr.cosine_table import CosineTable
+from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.rsibr.half_vector_map import half_vector_point, half_vector_texels
 from rsibr.methods.rsibr.half_vector_pyramid import (
     LEVELS,

@@ -13,12 +13,12 @@ from rsibr.light.radiance import Light
 from rsibr.lobes.albedo import node_cosines
 from rsibr.lobes.fit import ProxyLobe
 from rsibr.lobes.gaussians import LobeShape
-from rsibr.methods.protocol import Cost
-from rsibr.methods.rsibr.lobe_albedo import LobeAlbedo
+from rsibr.methods.lobe_albedo import LobeAlbedo
+from rsibr.methods.rsibr.half_vector_lobes import HalfVectorLobes
 from rsibr.methods.rsibr.lobe_integral import LobeIntegral
-from rsibr.methods.rsibr.residual_method import FineMethod, PrefilteredMethod
-from rsibr.methods.rsibr.residual_transport import carried, within_reach
-from rsibr.methods.rsibr.rsibr import PrefilteredLobes
+from rsibr.methods.rsibr.residual_transport import clamped, warped_residual
+from rsibr.methods.rsibr.rsibr import Rsibr
+from rsibr.methods.rsibr.rsibr_fine import RsibrFine
 from rsibr.methods.warp_blend.blend import Mixture, triangle_mix
 from rsibr.methods.warp_blend.source_maps import SourceMaps
 from rsibr.methods.warp_blend.warp import MirrorWarp
@@ -42,18 +42,18 @@ def modelled(kind, light):
     frames = [view_frame(d) for d in views.directions]
     stored = [mirror_sphere(frame, N) for frame in frames]
     stack = EnvironmentPyramid.of(light)
-    common = ("test", views, maps(stored, frames), triangle_mix(gnomonic_weights), MirrorWarp.between, Cost(0.0, 0))
+    common = ("test", views, maps(stored, frames), triangle_mix(gnomonic_weights), MirrorWarp.between)
     if kind == "fine":
         model = LobeIntegral.of(METAL, stack, Light(light))
-        made = FineMethod(*common, albedo=LobeAlbedo.of(ALBEDO), lobes=[(model, LobeAlbedo.of(ALBEDO))])
+        made = RsibrFine(*common, albedo=LobeAlbedo.of(ALBEDO), lobes=[(model, LobeAlbedo.of(ALBEDO))])
     else:
-        made = PrefilteredMethod(
+        made = Rsibr(
             *common,
             albedo=LobeAlbedo.of(ALBEDO),
-            prefilter=lambda resolution: PrefilteredLobes.of([(METAL, ALBEDO)], stack, Light(light), resolution),
-            by_itself=lambda: modelled("fine", light),
+            prefilter=lambda resolution: HalfVectorLobes.of([(METAL, ALBEDO)], stack, Light(light), resolution),
+            points=lambda: pytest.fail("a map needs no single points"),
         )
-    made.sources = maps([made.left_over(m, f) for m, f in zip(stored, frames, strict=True)], frames)
+    made.sources = maps([made.residual_of(m, f) for m, f in zip(stored, frames, strict=True)], frames)
     return made
 
 
@@ -125,7 +125,7 @@ def carry(values, weights, theres, here):
     views = [sources.view(mi.UInt32(i)) for i in range(len(values))]
     mixture = Mixture(views, [mi.Float(w) for w in weights])
     n = vector([[np.sqrt(1 - here**2), 0, here]])
-    return to_numpy(carried(sources, mixture, [fixed(there) for there in theres], n))[0, 0]
+    return to_numpy(warped_residual(sources, mixture, [fixed(there) for there in theres], n))[0, 0]
 
 
 def test_views_that_see_the_surface_alike_are_blended_by_weight():
@@ -157,5 +157,5 @@ def test_residuals_outshine_a_dark_model_the_less_the_farther_the_stored_views_a
     expected = {1 / 3: [0.15, 0.05, -2], 0.5: [0.2, 0.05, -2], 1.0: [1, 0.05, -2]}
     for weight, wanted in expected.items():
         weights = [mi.Float(weight), mi.Float((1 - weight) / 2), mi.Float((1 - weight) / 2)]
-        got = to_numpy(within_reach(residual, dark, Mixture(views=[], weights=weights)))
+        got = to_numpy(clamped(residual, dark, Mixture(views=[], weights=weights)))
         assert got.ravel() == pytest.approx(wanted, rel=1e-5), weight

@@ -11,7 +11,7 @@ from rsibr.lobes.albedo import node_cosines
 from rsibr.lobes.basis import LAMBERT
 from rsibr.lobes.fit import ProxyLobe
 from rsibr.lobes.gaussians import LobeShape
-from rsibr.methods.rsibr.rsibr import PrefilteredLobes
+from rsibr.methods.rsibr.half_vector_lobes import HalfVectorLobes
 from tests.arrays import to_numpy, vector
 from tests.light.test_environment_pyramid import picture
 from tests.methods.rsibr.test_lobe_integral import COATED, PLAIN, disk_normals
@@ -37,7 +37,7 @@ def light():
 
 def radiance(lobes, light, n, resolution=N):
     """Of lobes (kernel, albedo table) at normals (K, 3) in the map's frame."""
-    made, frame = PrefilteredLobes.of(lobes, *light, resolution), mi.Matrix3f(FRAME.astype(np.float32))
+    made, frame = HalfVectorLobes.of(lobes, *light, resolution), mi.Matrix3f(FRAME.astype(np.float32))
     return to_numpy(made.radiance(vector(n), frame, made.gathered(frame), mi.Float(2 / resolution))).T
 
 
@@ -132,7 +132,7 @@ def test_parts_add_up_to_the_whole(light, rng):
     n, frame = disk_normals(rng, 500, 1.0), mi.Matrix3f(FRAME.astype(np.float32))
     found = []
     for part in (None, *(kernel for kernel, _ in lobes)):
-        made = PrefilteredLobes.of(lobes, *light, N, part)
+        made = HalfVectorLobes.of(lobes, *light, N, part)
         found.append(to_numpy(made.radiance(vector(n), frame, made.gathered(frame), mi.Float(2 / N))))
     assert np.abs(sum(found[1:]) - found[0]).max() < 1e-5 * found[0].max()
     assert min(part.max() for part in found[1:]) > 0.05 * found[0].max()

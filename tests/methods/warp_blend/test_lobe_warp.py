@@ -10,9 +10,8 @@ from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.geometry.spherical import gnomonic_weights
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.lobes.albedo import node_cosines
-from rsibr.methods.protocol import Cost
+from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import reconstruct
-from rsibr.methods.registry import MethodSet
 from rsibr.methods.warp_blend.blend import triangle_mix
 from rsibr.methods.warp_blend.footprint_covariance import MirrorFootprint
 from rsibr.methods.warp_blend.lobe_warp import Corrections, LobeGroup, LobeMaps, LobeWarpMethod, LobeWarps
@@ -45,7 +44,7 @@ def lobed(spheres, resolution=N, corrections=None):
         table = np.repeat(albedo(node_cosines())[:, None], 3, axis=1)
         lobes.append(LobeMaps.of(sources, alpha, table))
     mix = triangle_mix(gnomonic_weights)
-    common = ("rsibr", views, lobes[0].sources, mix, LobeWarps.between, Cost(0.0, 0))
+    common = ("rsibr", views, lobes[0].sources, mix, LobeWarps.between)
     groups = [LobeGroup(views.on_device, lobes)]
     return LobeWarpMethod(*common, groups=groups, corrections=corrections or Corrections())
 

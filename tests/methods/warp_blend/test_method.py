@@ -8,9 +8,9 @@ import pytest
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.spherical import area_weights, gnomonic_weights
 from rsibr.geometry.viewpoints import icosphere
-from rsibr.methods.protocol import MeshMethod
 from rsibr.methods.warp_blend.blend import nearest_mix, triangle_mix
 from rsibr.methods.warp_blend.warp import MirrorWarp, NormalWarp, NoWarp
+from rsibr.methods.warp_blend.warp_blend import MeshWarpBlend
 from tests.arrays import unit_vectors, vector
 from tests.methods.scene import image, inside, matte_sphere, method, mirror_sphere, normals, stored
 
@@ -20,7 +20,7 @@ METHODS = {
     "blend": {"warp": NoWarp.between},
     "cabral1999": {},
     "gnomonic": {"mix": triangle_mix(gnomonic_weights)},
-    "mesh": {"kind": MeshMethod},
+    "mesh": {"kind": MeshWarpBlend},
 }
 VIEWS = [[1, 2, 3], [0, 1, 0], [0, -1, 0], [-0.3, 0.2, -0.9], [1, 0, 0], [0.577, 0.577, 0.577]]
 
@@ -159,13 +159,12 @@ def test_mesh_converges_to_the_exact_warp():
     frame, errors = view_frame([0.2, 0.9, -0.4]), []
     exact = image(method(), frame, N)
     for rings in (8, 16, 32):
-        made = MeshMethod(
+        made = MeshWarpBlend(
             "mesh",
             views,
             sources,
             triangle_mix(area_weights),
             MirrorWarp.between,
-            method().cost,
             DiskMesh(rings, 3 * rings),
         )
         errors.append(np.abs(image(made, frame, N) - exact)[inside(N, 0.9)].mean())

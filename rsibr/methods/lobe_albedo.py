@@ -8,7 +8,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.methods.rsibr.cosine_table import CosineTable
+from rsibr.methods.cosine_table import CosineTable
 
 _LEAST = 1e-4  # where an albedo vanishes, at grazing, a quotient by it would not
 _LEAST_SHARE = 1e-3  # of the largest

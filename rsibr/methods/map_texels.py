@@ -1,0 +1,39 @@
+"""Texels of a sphere map in a kernel: its frame, its rim, and its layout in memory."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from rsibr.geometry.frame import from_columns
+
+
+def frame_from(columns: mi.Float) -> mi.Matrix3f:
+    """Frame whose columns x, y and z stand in nine floats one behind the other."""
+    return from_columns(*(dr.gather(mi.Vector3f, columns, mi.UInt32(axis)) for axis in range(3)))
+
+
+def view_of(frame: mi.Matrix3f) -> mi.Vector3f:
+    """View direction of a frame: its third column."""
+    return mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2])
+
+
+def laid_out(radiance: mi.Vector4f, texel: mi.UInt32, resolution: int) -> mi.Float:
+    """RGBA image, row-major and flat, of texels that were computed in any order.
+
+    With four channels a texel is one packet, written whole.
+    """
+    image = dr.empty(mi.Float, 4 * resolution**2)
+    dr.scatter(image, radiance, texel)
+    return image
+
+
+def as_rgba(radiance: mi.Color3f) -> mi.Vector4f:
+    """Radiance with alpha 1: the texel may touch the disk."""
+    return mi.Vector4f(radiance.x, radiance.y, radiance.z, 1)
+
+
+def touches_disk(p: mi.Point2f, resolution: int) -> mi.Bool:
+    """Whether a texel with centre p may touch the disk: it reaches √2/N beyond its centre."""
+    return dr.squared_norm(p) < (1 + np.sqrt(2) / resolution) ** 2

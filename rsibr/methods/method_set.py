@@ -1,0 +1,105 @@
+"""The methods of one bake, made when they are asked for; what they share is made once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from rsibr import backend
+from rsibr.errors import BakeError
+from rsibr.methods.device_size import device_bytes
+from rsibr.methods.inputs import MethodInputs
+from rsibr.methods.protocol import Cost, Method
+from rsibr.methods.registry import Registration, available, registration
+from rsibr.store.stored_maps import StoredMaps
+
+
+class MethodSet(Mapping[str, Method]):
+    """The methods of one bake by name, sharing its maps and its light on the device.
+
+    Iterating gives the names of the methods that the bake holds all for.
+
+    Parameters
+    ----------
+    bake : StoredMaps
+        A finished bake. Nothing is read before a method is asked for.
+
+    Attributes
+    ----------
+    inputs : MethodInputs
+        What the methods are made from.
+
+    Examples
+    --------
+    >>> methods = rsibr.MethodSet(rsibr.open_bake("paint.rsibr"))     # doctest: +SKIP
+    >>> list(methods)                                                  # doctest: +SKIP
+    ['nearest', 'blend', 'cabral1999', 'cabral1999-mesh', 'rsibr', 'rsibr-fine']
+    """
+
+    def __init__(self, bake: StoredMaps) -> None:
+        self.inputs = MethodInputs(bake)
+        self._made: dict[str, Method] = {}
+
+    def __getitem__(self, name: str) -> Method:
+        """Make the method `name`, or return the one already made.
+
+        Raises
+        ------
+        InputError
+            If no method has this name.
+        BakeError
+            If the bake lacks what the method needs.
+        """
+        if name not in self._made:
+            self._made[name] = self.variant(name)
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(available(self.inputs.bake))
+
+    def __len__(self) -> int:
+        return len(available(self.inputs.bake))
+
+    def __contains__(self, name: object) -> bool:
+        return name in available(self.inputs.bake)
+
+    def __repr__(self) -> str:
+        return f"MethodSet({self.inputs.bake.path.name!r}: {', '.join(self)})"
+
+    def variant(self, name: str, **options: Any) -> Method:
+        """Make a method with options other than its own, for example one lobe's part; it is not kept.
+
+        Parameters
+        ----------
+        name : str
+            Name of the method.
+        **options
+            See the function that the method is registered with; `Registration.options` lists them.
+        """
+        found = registration(name)
+        _check_served(found, self.inputs.bake)
+        with backend.session(), self.inputs.watched() as shared:
+            start = time.perf_counter()
+            made = found.make(self.inputs, **options)
+            backend.synchronize()
+            own = time.perf_counter() - start - shared.seconds_here
+        if not options:
+            made.name = name
+        bake, prepared = self.inputs.bake, own + shared.seconds_ever
+        made.cost = Cost(bake.seconds, bake.bytes, prepared, device_bytes(made))
+        return made
+
+
+def _check_served(method: Registration, bake: StoredMaps) -> None:
+    """Say in one line what a bake lacks for a method, and how to bake it."""
+    where = str(bake.path)
+    if method.needs.lobes and not bake.manifest.lobes:
+        fix = f'bake with effects.lobes = "auto" for {method.name}'
+        raise BakeError("its lobes were not kept apart", where=where, fix=fix)
+    if method.needs.views and not bake.has_views:
+        raise BakeError(
+            f"it holds one map, for its lobes have closed forms, and '{method.name}' needs views all around",
+            where=where,
+            fix='bake with effects.view_dependence = "on", or use another method',
+        )

@@ -1,0 +1,22 @@
+"""`nearest` and `blend`: the stored maps as they are. What the paper's talk shows first, and improves on."""
+
+from __future__ import annotations
+
+from rsibr.methods.inputs import MethodInputs
+from rsibr.methods.protocol import Needs
+from rsibr.methods.registry import register
+from rsibr.methods.warp_blend.blend import WEIGHTS, nearest_mix, triangle_mix
+from rsibr.methods.warp_blend.warp import NoWarp
+from rsibr.methods.warp_blend.warp_blend import WarpBlend
+
+
+@register("nearest", summary="the nearest stored map as it is", needs=Needs(views=True), rank=10)
+def nearest(inputs: MethodInputs) -> WarpBlend:
+    """Take the nearest stored view alone."""
+    return WarpBlend("nearest", inputs.viewpoints, inputs.sources, nearest_mix, NoWarp.between)
+
+
+@register("blend", summary="the three stored maps around the view, blended unwarped", needs=Needs(views=True), rank=20)
+def blend(inputs: MethodInputs, *, weights: str = "area") -> WarpBlend:
+    """Blend the three stored views around the new one by `weights`, one of `WEIGHTS`."""
+    return WarpBlend("blend", inputs.viewpoints, inputs.sources, triangle_mix(WEIGHTS[weights]), NoWarp.between)
