@@ -13,7 +13,7 @@ import rsibr  # noqa: E402  # found in the checkout, whatever is installed
 
 project = "rsibr"
 author = "The rsibr authors"
-copyright = "The rsibr authors"  # noqa: A001  # Sphinx's name
+copyright = "The rsibr authors"
 version = release = rsibr.__version__
 
 extensions = [
@@ -39,6 +39,7 @@ autodoc_default_options = {"members": True, "member-order": "bysource", "show-in
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
+autodoc_type_aliases = {"ArrayLike": "ArrayLike"}
 autoclass_content = "class"
 autosummary_generate = False  # the extension `pages` writes them
 napoleon_google_docstring = False
@@ -56,5 +57,6 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_theme_options = {"navigation_with_keys": True}
 html_show_sphinx = False
+html_copy_source = False
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True

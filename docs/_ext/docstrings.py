@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from docutils import nodes
-from sphinx.addnodes import pending_xref
+from sphinx.addnodes import pending_xref, pending_xref_condition
 from sphinx.application import Sphinx
 
 _CODE = re.compile(r"(?<!`)`(?!`)([^`]+)`(?!`)(?!_)")
@@ -56,10 +56,11 @@ def _process(_app: Sphinx, _what: str, _name: str, _obj: Any, _options: Any, lin
 
 
 def _unlink_words(_app: Sphinx, doctree: nodes.document) -> None:
-    """Take the links out of words in types: in "ndarray, samples by views" none of them is an attribute."""
+    """Take the links out of words in types: in "bytes, path of a file" none of them is an attribute of a class."""
     for link in list(doctree.findall(pending_xref)):
         if link.get("refspecific") and not _CLASS.fullmatch(link["reftarget"]):
-            link.replace_self(link.children)
+            conditions = [child for child in link.children if isinstance(child, pending_xref_condition)]
+            link.replace_self(conditions[0].children if conditions else link.children)
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -1,8 +1,14 @@
-"""Math as MathML Core, converted when the site is built: a browser needs neither JavaScript nor a network to show it."""
+"""Math as MathML Core, converted when the site is built: a browser needs neither JavaScript nor a network to show it.
+
+The font, STIX Two Math, comes with the package `ziamath` and is copied beside the pages.
+"""
 
 from __future__ import annotations
 
 import re
+import shutil
+from importlib.resources import as_file, files
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -14,6 +20,8 @@ from sphinx.writers.html5 import HTML5Translator
 
 _LOGGER = logging.getLogger(__name__)
 _CONVERTER = LatexToMathML(fancy_error=False)
+FONT = "STIXTwoMath-Regular.ttf"
+
 _TEXT = re.compile(r"(\\text\w*\{)([^}]*)\}")
 _TAG = re.compile(r"\\tag\{([^}]*)\}")
 
@@ -48,8 +56,16 @@ def visit_block(translator: HTML5Translator, node: nodes.math_block) -> None:
     raise nodes.SkipNode
 
 
+def copy_font(app: Sphinx, error: Exception | None) -> None:
+    """Put the font where `site.css` looks for it."""
+    if error is None and app.builder.format == "html":
+        with as_file(files("ziamath") / "fonts" / FONT) as font:
+            shutil.copyfile(font, Path(app.outdir) / "_static" / FONT)
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register as the math renderer of the HTML builders."""
     app.add_html_math_renderer("mathml", (visit_inline, None), (visit_block, None))
     app.config.html_math_renderer = "mathml"
+    app.connect("build-finished", copy_font)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -73,13 +73,9 @@ def _room_pages(package: Path) -> Iterator[tuple[str, str]]:
     for init in sorted(package.rglob("__init__.py")):
         folder = init.parent
         name = ".".join(folder.relative_to(package.parent).parts)
+        title = "rsibr (top)\n===========\n" if folder == package else _section(name, "=")
         modules = sorted(file.stem for file in folder.glob("*.py") if file.stem != "__init__")
-        sections = [_section(name, "=")] if folder != package else []
-        yield name, "\n".join([*_title(name, folder == package), *sections, *(_section(f"{name}.{m}", "-") for m in modules)])
-
-
-def _title(name: str, is_top: bool) -> list[str]:
-    return ["rsibr (top)\n===========\n"] if is_top else []
+        yield name, "\n".join([title, *(_section(f"{name}.{module}", "-") for module in modules)])
 
 
 def _section(name: str, underline: str) -> str:
