@@ -15,8 +15,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rsibr.budget.choose import bake as bake
-    from rsibr.budget.choose import plan as plan
+    from rsibr.budget.bake import bake as bake
+    from rsibr.budget.bake import plan as plan
     from rsibr.methods.method_set import MethodSet as MethodSet
     from rsibr.methods.reconstruction import reconstruct as reconstruct
     from rsibr.methods.registry import method_names as method_names
@@ -30,12 +30,12 @@ __version__ = "0.2.0"
 
 _HOME = {
     "MethodSet": "rsibr.methods.method_set",
-    "bake": "rsibr.budget.choose",
+    "bake": "rsibr.budget.bake",
     "check": "rsibr.validation.health.check",
     "method_names": "rsibr.methods.registry",
     "load_config": "rsibr.scene.config",
     "open_bake": "rsibr.store.bake",
-    "plan": "rsibr.budget.choose",
+    "plan": "rsibr.budget.bake",
     "reconstruct": "rsibr.methods.reconstruction",
     "study": "rsibr.studies.runner",
     "validate": "rsibr.validation.validation",

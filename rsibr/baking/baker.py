@@ -5,104 +5,72 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-import rsibr
 from rsibr import backend
-from rsibr.baking.blocks import Blocks, block_sizes, estimate
+from rsibr.baking.baked_costs import baked_costs
+from rsibr.baking.blocks import Blocks, estimate
+from rsibr.baking.finished import DECISIVE, finished_bake, package_versions
 from rsibr.baking.integrator import SphereIntegrator
-from rsibr.baking.planning import (
-    baked_costs,
-    planned_integrator,
-    planned_lobes,
-    planned_scene,
-    planned_settings,
-    planned_viewpoints,
-)
-from rsibr.baking.sampling import Sampler
-from rsibr.geometry.frame import view_frame
+from rsibr.baking.lobe_record import lobe_record
+from rsibr.baking.sampling import Sampler, Steering
+from rsibr.baking.scene import Scene
 from rsibr.geometry.viewpoints import Viewpoints
-from rsibr.light.radiance import Light, light_of
-from rsibr.lobes.adaptation import adapted_lobes
-from rsibr.lobes.split import Lobe
 from rsibr.planning.costs import priced
 from rsibr.planning.plan import Plan
-from rsibr.scene.config import Config, load_config
-from rsibr.scene.environment import Environment, load_environment
-from rsibr.scene.material import ANISOTROPIC, Material, load_material
-from rsibr.scene.views import load_viewpoints
+from rsibr.progress import Progress
+from rsibr.scene.config import ConfigLike, config_of
+from rsibr.scene.material import ANISOTROPIC, Material
 from rsibr.store.bake import Bake, BakeWriter, open_bake
 from rsibr.store.layers import layered
-from rsibr.store.lobe_shape import shape_of
 from rsibr.store.manifest import (
     BudgetRecord,
     EnvironmentRecord,
-    LobeRecord,
     Manifest,
     MaterialRecord,
-    ProxyRecord,
     SamplingRecord,
 )
 from rsibr.store.map_file import MapFile
-
-STEPS = 16
-"""Steps of the progress of a view."""
 
 RETROREFLECTIVE = (
     "retroreflective: no warp follows light that goes back, so that expect larger errors between the views"
 )
 
 
-@dataclass(frozen=True)
-class Progress:
-    """How far a bake has come.
-
-    Attributes
-    ----------
-    views_done, views : int
-        Views finished, and in all.
-    blocks_done, blocks : int
-        Steps of the view at work, finished and in all.
-    """
-
-    views_done: int
-    views: int
-    blocks_done: int
-    blocks: int
-
-
 def bake(
-    config: Config | Path | str,
+    config: ConfigLike | Scene,
     *,
     out: Path | str,
     overrides: Sequence[str] = (),
     fresh: bool = False,
     on_progress: Callable[[Progress], None] = lambda _: None,
     budget: BudgetRecord | None = None,
+    steering: Steering | None = None,
 ) -> Bake:
     """Bake the radiance sphere maps of all views.
 
-    A bake that was killed goes on where it was and ends bit-identical to one that never was.
+    A bake that was killed goes on where it was and ends bit-identical to one that never was. One that is complete is
+    opened, and nothing else is done.
 
     Parameters
     ----------
-    config : Config or path
-        What to bake; a path to a TOML file, or a config already read.
+    config : Config, mapping, path or Scene
+        What to bake: a config, its tables, a path to a TOML file, or a scene already prepared.
     out : path
         Directory of the bake, by custom `NAME.rsibr`. Made if need be.
     overrides : sequence of str
-        `key=value` pairs that override keys of the config file, as `--set` does.
+        `key=value` pairs that override keys of the config, as `--set` does.
     fresh : bool
         Start anew where `out` holds a bake of another config, or a damaged one.
     on_progress : callable
-        Called after each launch and each view.
+        Called after each launch and each view; not at all where the bake is complete.
     budget : BudgetRecord, optional
-        What a budget of the whole bake chose, of which `config` came; see `rsibr.budget.choose`.
+        What a budget of the whole bake chose, of which `config` came.
+    steering : Steering, optional
+        From where on samples are shared out by noise.
 
     Returns
     -------
@@ -119,98 +87,70 @@ def bake(
         If the machine has no usable backend, or the disk is full.
     """
     begun = time.perf_counter()
-    settings = config if isinstance(config, Config) else load_config(Path(config), overrides)
-    if settings.budget is not None:
-        raise ValueError("rsibr.budget.choose decides on a budget")
-    backend.use()
-    environment, material = load_environment(settings.environment), load_material(settings.material)
-    plan, probed = planned_scene(settings, environment, material.bsdf(), block_sizes(settings.sampling.samples).size)
-    asked, settings = settings.map.resolution, planned_settings(settings, plan)
-    all_around = load_viewpoints(settings.views)
-    viewpoints = planned_viewpoints(all_around, settings, plan)
-    split = None if settings.effects.lobes == "off" else probed
-    lobes = adapted_lobes(split, environment, material, plan.rendering) if split else ()
-    integrator = planned_integrator(settings, environment, material, split, plan, plan.resolution)
-    with backend.rendering(plan.rendering) as variant:
-        sampler = Sampler(integrator, [view_frame(view) for view in viewpoints.directions], settings.sampling)
+    if not isinstance(config, Scene):
+        settings = config_of(config, overrides)
+        if not fresh and (found := finished_bake(settings, out)) is not None:
+            return found
+        config = Scene.prepare(settings)
+    if config.config.budget is not None:
+        raise ValueError("a budget is decided on before its bake")
+    return _bake_scene(config, Path(out), begun, fresh, on_progress, budget, steering or Steering())
+
+
+def _bake_scene(
+    scene: Scene,
+    out: Path,
+    begun: float,
+    fresh: bool,
+    on_progress: Callable[[Progress], None],
+    budget: BudgetRecord | None,
+    steering: Steering,
+) -> Bake:
+    sampler = Sampler(scene.integrator, scene.frames, scene.config.sampling, steering)
+    with backend.rendering(scene.rendering):
 
         def manifest(found: Manifest | None) -> Manifest:
             sampling = (found.sampling if found else None) or sampler.choose(begun)
-            return plan_manifest(settings, environment, material, lobes, viewpoints, variant, plan, sampling, budget)
+            return plan_manifest(scene, scene.viewpoints, sampling, budget)
 
-        with BakeWriter.open(Path(out), manifest, fresh=fresh) as writer:
+        with BakeWriter.open(out, manifest, fresh=fresh) as writer:
             if not writer.has_light:
-                writer.commit_light(planned_light(environment, lobes, plan))
+                writer.commit_light(scene.light)
             _bake_views(writer, sampler, on_progress)
-            writer.record_plan(priced(plan, baked_costs(writer.manifest, len(all_around)), asked))
-    return open_bake(Path(out))
-
-
-def planned_light(environment: Environment, lobes: Sequence[Lobe], plan: Plan) -> Light:
-    """The light with what the lobes look up in it; an image is RGB from the start, however the maps are rendered."""
-    shapes = [shape_of(_lobe_record(lobe, plan)) for lobe in planned_lobes(lobes, plan)]
-    with backend.rendering("rgb" if environment.width else plan.rendering):
-        light = light_of(environment, with_image=any(lobe.is_mirror for lobe in lobes))
-    return light.with_tables(
-        glossy=any(not shape.is_matte and not shape.is_mirror for shape in shapes),
-        matte=[shape.matte for shape in shapes if shape.is_matte],
-    )
+            costs = baked_costs(writer.manifest, len(scene.all_around))
+            writer.record_plan(priced(scene.plan, costs, scene.config.map.side))
+    return open_bake(out)
 
 
 def plan_manifest(
-    config: Config,
-    environment: Environment,
-    material: Material,
-    kept_apart: Sequence[Lobe],
-    viewpoints: Viewpoints,
-    variant: str,
-    plan: Plan,
-    sampling: SamplingRecord,
-    budget: BudgetRecord | None = None,
+    scene: Scene, viewpoints: Viewpoints, sampling: SamplingRecord, budget: BudgetRecord | None = None
 ) -> Manifest:
     """Manifest of the bake before its first view: everything that fixes its bits."""
-    packages = {name: version(name) for name in ("mitsuba", "drjit", "numpy", "OpenEXR")} | {"rsibr": rsibr.__version__}
-    settings = config.model_dump(mode="json", exclude_none=True)
+    environment, material, plan, packages = scene.environment, scene.material, scene.plan, package_versions()
     return Manifest.planned(
-        config=settings,
+        config=scene.config.to_dict() if budget is None else budget.asked,
         identity={
-            "config": {key: settings[key] for key in ("map", "sampling", "effects")},
+            "config": scene.identifying_config,
             "environment": {"name": environment.name, "content": environment.digest},
             "material": {"name": material.name, "content": material.digest},
-            "packages": {name: packages[name] for name in ("mitsuba", "drjit", "rsibr")},
-            "variant": variant,
+            "packages": {name: packages[name] for name in DECISIVE},
+            "variant": scene.variant,
             "blocks": sampling.identity,
             "plan": {"grey": plan.grey, "light_samples": plan.light_samples, "left_out": list(plan.left_out)},
             "lobe_views": {lobe.name: lobe.own_views for lobe in plan.lobes if lobe.own_views is not None},
         },
         packages=packages,
-        variant=variant,
+        variant=scene.variant,
         environment=EnvironmentRecord(name=environment.name, clipped=environment.clipped, lowest=environment.lowest),
         material=MaterialRecord(name=material.name, warp=material.warp, notes=_notes(material, plan)),
-        lobes=tuple(_lobe_record(lobe, plan) for lobe in planned_lobes(kept_apart, plan)),
-        resolution=config.map.resolution,
+        lobes=tuple(lobe_record(lobe, plan) for lobe in scene.stored_lobes),
+        resolution=scene.resolution,
         directions=viewpoints.directions,
         triangles=viewpoints.triangles,
         plan=plan,
         sampling=sampling,
         budget=budget,
     )
-
-
-def _lobe_record(lobe: Lobe, plan: Plan) -> LobeRecord:
-    proxy = lobe.proxy
-    terms = () if proxy is None else zip(proxy.alphas, proxy.coefficients, strict=True)
-    return LobeRecord(
-        name=lobe.name,
-        alpha=lobe.alpha,
-        albedo=_colours(lobe.albedo),
-        proxies=tuple(ProxyRecord(alpha=alpha, coefficients=_colours(values)) for alpha, values in terms),
-        views=next(planned.own_views for planned in plan.lobes if planned.name == lobe.name),
-    )
-
-
-def _colours(values: NDArray[np.float64]) -> tuple[tuple[float, float, float], ...]:
-    return tuple((r, g, b) for r, g, b in values.round(6).tolist())
 
 
 def _notes(material: Material, plan: Plan) -> tuple[str, ...]:
@@ -231,7 +171,7 @@ def _bake_views(writer: BakeWriter, sampler: Sampler, on_progress: Callable[[Pro
             start = time.perf_counter()
 
             def report(share: float, views_done: int = finished) -> None:
-                on_progress(Progress(views_done, views, round(share * STEPS), STEPS))
+                on_progress(Progress(views_done + share, views, f"view {views_done + 1}", share))
 
             blocks, frame = sampler.blocks(record, index), sampler.frames[index]
             seed = sampler.config.seed
@@ -240,7 +180,7 @@ def _bake_views(writer: BakeWriter, sampler: Sampler, on_progress: Callable[[Pro
             stored.result()  # a full disk ends the bake here
             stored = storing.submit(writer.commit, index, layered(baked, lobes, index), seconds)
         stored.result()
-    on_progress(Progress(views, views, 0, STEPS))
+    on_progress(Progress(views, views, "done", 1.0))
 
 
 def bake_view(

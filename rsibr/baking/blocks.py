@@ -38,17 +38,17 @@ class Blocks:
     size: int
     counts: int | NDArray[np.int64]
 
-    def launches(self, texels: int) -> Iterator[NDArray[np.int64]]:
-        """Which texel each block is for, ascending, a launch at a time."""
+    def launches(self, texels: int, max_lanes: int = MAX_LANES) -> Iterator[NDArray[np.int64]]:
+        """Which texel each block is for, ascending, a launch of at most `max_lanes` samples at a time."""
         every = np.repeat(np.arange(texels), np.broadcast_to(self.counts, texels))
-        step = max(1, MAX_LANES // self.size)
+        step = max(1, max_lanes // self.size)
         for first in range(0, len(every), step):
             yield every[first : first + step]
 
-    def launch_count(self, texels: int) -> int:
+    def launch_count(self, texels: int, max_lanes: int = MAX_LANES) -> int:
         """Count of the launches."""
         total = int(np.broadcast_to(self.counts, texels).sum())
-        return math.ceil(total / max(1, MAX_LANES // self.size))
+        return math.ceil(total / max(1, max_lanes // self.size))
 
 
 def block_sizes(samples: int) -> Blocks:
@@ -137,12 +137,12 @@ def estimate(
     mean, variance : ndarray
         See `BlockSums.result`.
     """
-    covered = int(np.count_nonzero(integrator.coverage))
-    count = blocks.launch_count(covered)
+    covered, most = int(np.count_nonzero(integrator.coverage)), integrator.max_lanes
+    count = blocks.launch_count(covered, most)
     sums = BlockSums(covered, len(integrator.lobe_names))
 
     def launches() -> Iterator[tuple[NDArray[np.int64], Launch]]:
-        for texels, seed in zip(blocks.launches(covered), seeds.generate_state(count), strict=True):
+        for texels, seed in zip(blocks.launches(covered, most), seeds.generate_state(count), strict=True):
             yield texels, integrator.launch(frame, texels, blocks.size, int(seed))
 
     with backend.rendering(integrator.rendering):

@@ -11,15 +11,11 @@ import numpy as np
 from rsibr import backend
 from rsibr.backend import Rendering
 from rsibr.baking.blocks import Blocks, block_sizes
-from rsibr.baking.integrator import EstimateOptions, SphereIntegrator
-from rsibr.baking.planning import estimate_options
+from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.scene import Scene
 from rsibr.geometry.frame import view_frame
-from rsibr.lobes.split import LobeSplit
 from rsibr.planning.costs import Costs
 from rsibr.planning.plan import Plan
-from rsibr.scene.config import Config
-from rsibr.scene.environment import Environment
-from rsibr.scene.material import Material
 from rsibr.store.health import map_health
 from rsibr.store.map_file import MapFile, encode_map
 
@@ -35,52 +31,38 @@ SYNC_SECONDS = 0.01
 SOURCE = "calibrated: the shortest of 5 launches of each kernel on this machine, scaled to the samples of the bake"
 
 
-def calibrate(
-    config: Config, environment: Environment, material: Material, split: LobeSplit | None, plan: Plan, views: int
-) -> Costs:
+def calibrate(scene: Scene, samples: int) -> Costs:
     """Time small launches of the kernels of a bake.
 
     Parameters
     ----------
-    config : Config
-        Its resolution, samples and clamp.
-    environment, material, split
-        The scene.
-    plan : Plan
+    scene : Scene
         What is planned.
-    views : int
-        Maps of the bake.
+    samples : int
+        Samples a texel of the bake.
 
     Returns
     -------
     Costs
     """
-
-    def built(
-        options: EstimateOptions, lobes: LobeSplit | None, rendering: Rendering = plan.rendering
-    ) -> SphereIntegrator:
-        with backend.rendering(rendering):
-            scene = environment.emitter(), material.bsdf()
-            return SphereIntegrator(*scene, config.map.resolution, lobes, config.sampling.clamp, options)
-
-    options = estimate_options(plan)
-    planned = built(options, split)
+    options, other = scene.options, _other_rendering(scene.plan)
+    planned = scene.integrator
     kernels = {
         "seconds": planned,
-        "other_colour": built(replace(options, grey=not options.grey), split),
-        "other_sampling": built(replace(options, light_samples=not options.light_samples), split),
+        "other_colour": scene.integrator_with(replace(options, grey=not options.grey)),
+        "other_sampling": scene.integrator_with(replace(options, light_samples=not options.light_samples)),
     }
     if len(planned.lobe_names) > 1:
-        kernels["one_lobe"] = built(replace(options, left_out=()), None)
-    if (other := _other_rendering(plan)) is not None:
-        kernels["other_rendering"] = built(options, split, other)
+        kernels["one_lobe"] = scene.integrator_with(replace(options, left_out=()), keeps_apart=False)
+    if other is not None:
+        kernels["other_rendering"] = scene.integrator_with(options, rendering=other)
     return Costs(
-        views=views,
+        views=len(scene.all_around),
         lobes=len(planned.lobe_names),
         bytes=_map_bytes(planned),
         other_colour_bytes=_map_bytes(kernels["other_colour"]),
         source=SOURCE,
-        **_map_seconds(kernels, config),
+        **_map_seconds(kernels, samples),
     )
 
 
@@ -91,24 +73,24 @@ def _other_rendering(plan: Plan) -> Rendering | None:
     return "spectral" if plan["spectral"].evidence > 0 else None
 
 
-def _map_seconds(kernels: dict[str, SphereIntegrator], config: Config) -> dict[str, float]:
+def _map_seconds(kernels: dict[str, SphereIntegrator], samples: int) -> dict[str, float]:
     """Seconds of a map by each kernel, from launches of no more than `MAX_LANES` samples."""
-    blocks = block_sizes(config.sampling.samples)
+    blocks = block_sizes(samples)
     count = int(blocks.counts)
     texels = int(np.count_nonzero(next(iter(kernels.values())).coverage))
-    samples = max(1, min(blocks.size, MAX_LANES // texels))
+    each = max(1, min(blocks.size, MAX_LANES // texels))
     frame = view_frame(np.array([1.0, 2.0, 3.0]))
     shortest = dict.fromkeys(kernels, math.inf)
     for run in range(-1, RUNS):  # in turn: a machine that is busy for a while is so for all of them
         for name, kernel in kernels.items():
             with backend.rendering(kernel.rendering):
                 start = time.perf_counter()
-                kernel.block(frame, samples, np.random.SeedSequence(run + 1))
+                kernel.block(frame, each, np.random.SeedSequence(run + 1))
                 backend.synchronize()
                 seconds = time.perf_counter() - start
             if run >= 0:
                 shortest[name] = min(shortest[name], seconds)
-    scale = blocks.size * count / samples
+    scale = blocks.size * count / each
     return {name: seconds * scale for name, seconds in shortest.items()}
 
 

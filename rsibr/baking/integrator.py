@@ -83,9 +83,13 @@ class SphereIntegrator:
         Radiance [W sr⁻¹ m⁻²] above which a sample counts as this much: quieter, and too dark. A NaN stays one.
     options : EstimateOptions
         What the estimate takes in.
+    max_lanes : int
+        Samples in one launch at most: bounds the memory.
 
     Attributes
     ----------
+    max_lanes : int
+        As given.
     coverage : ndarray, shape (N, N), float32
         Share of each texel inside the disk; zero where that is negligible.
     lobe_names : list of str
@@ -104,9 +108,11 @@ class SphereIntegrator:
         split: LobeSplit | None = None,
         clamp: float | None = None,
         options: EstimateOptions = EstimateOptions(),
+        max_lanes: int = MAX_LANES,
     ) -> None:
         self._light = mi.load_dict({"type": "scene", "light": emitter})
         self._bsdf = bsdf
+        self.max_lanes = max_lanes
         self.rendering = backend.current_rendering()
         self._split = split.of_variant(bsdf) if split and len(split.names) > 1 else None
         names = self._split.names if self._split else ["radiance"]
@@ -155,7 +161,7 @@ class SphereIntegrator:
     def _block(self, frame: NDArray[np.float64], samples: int, seeds: np.random.SeedSequence) -> NDArray[np.float32]:
         matrix = mi.Matrix3f(frame.astype(np.float32))
         dr.make_opaque(matrix)
-        launches = max(math.ceil(samples * dr.width(self._texels) / MAX_LANES), math.ceil(samples / MAX_POINTS))
+        launches = max(math.ceil(samples * dr.width(self._texels) / self.max_lanes), math.ceil(samples / MAX_POINTS))
         each = math.ceil(samples / launches)
         total = np.zeros((dr.width(self._texels), len(self.lobe_names), 3))
         for seed in seeds.generate_state(launches):

@@ -20,13 +20,6 @@ from rsibr.errors import InputError
 from rsibr.scene.config import SamplingConfig
 from rsibr.store.manifest import SamplingRecord
 
-WORTH_IT = 1.15
-"""Predicted ratio of the noise of even samples to that of allocated ones above which they are allocated: below, the
-pilot, the odd launches and what the prediction is off by leave nothing to win."""
-
-LEAST_WORK = 2**19
-"""Samples of a view below which no pilot is made to allocate them: its launch would take longer than it saves."""
-
 NOISE_MARGIN = 1.1
 """Predicted noise of a bake to the one promised: the prediction is right to a few per cent, and rather too high."""
 
@@ -49,6 +42,26 @@ MAX_SAMPLES = 2**24
 LEAST_SAMPLES = 4
 
 
+@dataclass(frozen=True)
+class Steering:
+    """From where on samples are shared out by noise, and not evenly.
+
+    Attributes
+    ----------
+    worth_it : float
+        Predicted ratio of the noise of even samples to that of allocated ones above which they are allocated: below,
+        the pilot, the odd launches and what the prediction is off by leave nothing to win.
+    least_work : int
+        Samples of a view below which no pilot is made to allocate them: its launch would take longer than it saves.
+    few_blocks : int
+        Blocks a texel where their size is free and samples are even.
+    """
+
+    worth_it: float = 1.15
+    least_work: int = 2**19
+    few_blocks: int = FEW_BLOCKS
+
+
 @dataclass(eq=False)
 class Sampler:
     """Chooses the samples of a bake, and hands each view its own.
@@ -61,11 +74,13 @@ class Sampler:
         Frames of all its views.
     config : SamplingConfig
         What is asked for.
+    steering : Steering
     """
 
     integrator: SphereIntegrator
     frames: Sequence[NDArray[np.float64]]
     config: SamplingConfig
+    steering: Steering = Steering()
     _pilot: NoisePilot | None = None
     _looks: dict[int, Image] = field(default_factory=dict)
 
@@ -87,7 +102,7 @@ class Sampler:
         elif self.config.time_budget_s is not None:
             record = self._for_seconds(self.config.time_budget_s, begun)
         else:
-            record = self._as_given(block_sizes(self.config.samples))
+            record = self._as_given(block_sizes(self.config.count))
         return record.model_copy(update={"seconds": max(0.0, time.perf_counter() - begun)})
 
     def blocks(self, record: SamplingRecord, index: int) -> Blocks:
@@ -104,7 +119,7 @@ class Sampler:
 
     def _as_given(self, blocks: Blocks) -> SamplingRecord:
         even = int(blocks.counts)
-        worth_a_pilot = even >= MAX_BLOCKS and self._texels * blocks.size * even >= LEAST_WORK
+        worth_a_pilot = even >= MAX_BLOCKS and self._texels * blocks.size * even >= self.steering.least_work
         if not (self.config.adaptive and worth_a_pilot):
             return SamplingRecord(block=blocks.size, even=even)
         return self._allocated(blocks.size, even, self._spread(blocks.size))
@@ -117,7 +132,7 @@ class Sampler:
             return SamplingRecord(block=size, even=even, forecast_rel_mse=noise)
         steered = equal_work(even, spread)
         gain = noise / steered.noise(spread)
-        chosen = steered if gain > WORTH_IT else plain
+        chosen = steered if gain > self.steering.worth_it else plain
         return SamplingRecord(
             block=size, even=even, scale=chosen.scale, gain=gain, forecast_rel_mse=chosen.noise(spread)
         )
@@ -149,7 +164,8 @@ class Sampler:
         _check_within_reach(_needed(typical, target), target)
         ways = []
         # The many come last: only they need their pilots again, which are kept till then
-        for least in (FEW_BLOCKS,) if typical.scale is None else (FEW_BLOCKS, MAX_BLOCKS):
+        few = self.steering.few_blocks
+        for least in (few,) if typical.scale is None or few == MAX_BLOCKS else (few, MAX_BLOCKS):
             size = _size_for(_needed(typical, target), least)
             spread = self._spread(size)
             record = self._allocated(size, least, spread)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -18,22 +18,19 @@ from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
 from rsibr import backend
-from rsibr.baking.baker import bake_view, plan_manifest, planned_light
+from rsibr.baking.baker import bake_view, plan_manifest
 from rsibr.baking.blocks import block_sizes
 from rsibr.baking.integrator import SphereIntegrator
-from rsibr.baking.planning import planned_integrator, planned_scene, planned_viewpoints
-from rsibr.geometry.frame import unit_view, view_frame
+from rsibr.baking.scene import Scene
+from rsibr.geometry.frame import view_frame
+from rsibr.geometry.novel_views import novel_views
 from rsibr.geometry.viewpoints import Viewpoints, from_directions, icosphere
-from rsibr.light.radiance import Light
-from rsibr.lobes.adaptation import adapted_lobes
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
 from rsibr.methods.registry import default_method
-from rsibr.scene.config import Config, MapConfig, ViewsConfig
-from rsibr.scene.environment import load_environment
-from rsibr.scene.material import load_material
+from rsibr.scene.config import Config, ViewsConfig
 from rsibr.scene.views import load_viewpoints
-from rsibr.store.bake import Bake
+from rsibr.store.described_maps import MapsInMemory
 from rsibr.store.manifest import ProbeRecord, SamplingRecord
 from rsibr.store.map_file import MapFile
 from rsibr.store.noise import COVERED, denominator
@@ -61,63 +58,32 @@ _NOWHERE = Path("probe")
 Frames = Sequence[NDArray[np.float64]]
 
 
-@dataclass(frozen=True, eq=False)
-class ProbeBake(Bake):
-    """Maps in memory that can be looked up as a bake on the disk is.
-
-    Attributes
-    ----------
-    maps : tuple of MapFile
-        One of each view of the manifest.
-    kept : Light
-        The light; see `Bake.light`.
-    """
-
-    maps: tuple[MapFile, ...] = ()
-    kept: Light | None = None
-
-    def map(self, index: int) -> MapFile:
-        """See `Bake.map`."""
-        return self.maps[index]
-
-    @cached_property
-    def light(self) -> Light:
-        """See `Bake.light`."""
-        if self.kept is None:
-            raise ValueError("a probe has its light")
-        return self.kept
-
-
 class ProbedScene:
-    """A scene, loaded once for all probes.
+    """Probes of one scene: what is rendered of the new views serves all of them.
 
     Parameters
     ----------
-    config : Config
+    scene : Scene
         Its material, environment, effects, seed and clamp.
+    samples : int
+        Samples a texel of a probe of `_SHARP` texels a side.
     """
 
-    def __init__(self, config: Config) -> None:
-        backend.use()
-        self.config = config
-        self._environment, self._material = load_environment(config.environment), load_material(config.material)
-        self.plan, probed = planned_scene(_with_all_lobes(config), self._environment, self._material.bsdf(), _SAMPLES)
-        split = None if config.effects.lobes == "off" else probed
-        with backend.rendering(self.plan.rendering) as self._variant:
-            self.integrator = planned_integrator(config, self._environment, self._material, split, self.plan, _SHARP)
-        self._lobes = adapted_lobes(split, self._environment, self._material, self.plan.rendering) if split else ()
-        self._light = planned_light(self._environment, self._lobes, self.plan)
+    def __init__(self, scene: Scene, samples: int = _SAMPLES) -> None:
+        self.config, self._samples = scene.config, samples
+        self._scene = scene.resized(_with_all_lobes(scene.config), block=_SAMPLES)
+        self.plan, self.integrator = self._scene.plan, self._scene.integrator
         self._drawn = 0
         self._truths: dict[int, tuple[list[NDArray[np.float32]], ...]] = {}
 
     def viewpoints(self, views: ViewsConfig) -> Viewpoints:
         """Views that a bake would store."""
-        return planned_viewpoints(load_viewpoints(views), self.config, self.plan)
+        return self._scene.planned_views(load_viewpoints(views))
 
     def probe(self, resolution: int, viewpoints: Viewpoints) -> ProbeRecord:
         """Measure bias and noise for maps of that size from those views."""
         integrator = self.integrator.at_resolution(resolution)
-        samples = probe_samples(resolution)
+        samples = probe_samples(resolution, self._samples)
         new = [view_frame(view) for view in self.new_views]
         one, other = self._pictures(integrator, viewpoints, new, samples)
         if resolution not in self._truths:
@@ -144,7 +110,7 @@ class ProbedScene:
     @cached_property
     def new_views(self) -> list[NDArray[np.float64]]:
         """Views to probe at, the same for every size: what is rendered of them serves all."""
-        return new_views(self._coarsest, VIEWS, self.config.sampling.seed)
+        return new_views(self._coarsest, self.config.sampling.seed, VIEWS)
 
     @property
     def _coarsest(self) -> Viewpoints:
@@ -158,7 +124,7 @@ class ProbedScene:
     def work(self, resolution: int, viewpoints: Viewpoints) -> float:
         """Samples that a probe takes."""
         maps = 2 * min(3 * VIEWS, len(viewpoints)) + (0 if resolution in self._truths else 4 * VIEWS)
-        return maps * math.pi / 4 * resolution**2 * probe_samples(resolution)
+        return maps * math.pi / 4 * resolution**2 * probe_samples(resolution, self._samples)
 
     def _around(self, viewpoints: Viewpoints, views: Frames) -> tuple[Viewpoints, set[int]]:
         """See `surrounding`; of views of the user's own, whose triangles need not be a hull's, all are taken."""
@@ -180,33 +146,30 @@ class ProbedScene:
         around, needed = self._around(viewpoints, [frame[:, 2] for frame in new])
         frames = [view_frame(view) for view in around.directions]
         resolution = integrator.coverage.shape[0]
-        sized = self.config.model_copy(update={"map": MapConfig(resolution=resolution)})
-        manifest = plan_manifest(
-            sized, self._environment, self._material, self._lobes, around, self._variant, self.plan,
-            SamplingRecord(block=samples, even=2),
-        )  # fmt: skip
+        manifest = plan_manifest(self._scene, around, SamplingRecord(block=samples, even=2))
+        manifest = manifest.model_copy(update={"resolution": resolution})
         filler = self.map(integrator, frames[0], 4)
         for _ in range(2):
             maps = tuple(
                 self.map(integrator, frame, samples) if index in needed else _seen_from(filler, frame)
                 for index, frame in enumerate(frames)
             )
-            method = MethodSet(ProbeBake(_NOWHERE, manifest, maps, self._light))[default_method()]
+            method = MethodSet(MapsInMemory(_NOWHERE, manifest, maps, self._scene.light))[default_method()]
             yield [run(method, frame, resolution).image for frame in new]
 
 
-def probe_samples(resolution: int) -> int:
-    """Samples a texel of a probe: the more texels a mean is over, the fewer will do."""
-    return max(_LEAST_SAMPLES, _SAMPLES * _SHARP**2 // resolution**2)
+def probe_samples(resolution: int, samples: int = _SAMPLES) -> int:
+    """Samples a texel of a probe: the more texels a mean is over, the fewer will do.
+
+    `samples`: those of a probe of `_SHARP` texels a side.
+    """
+    return max(_LEAST_SAMPLES, samples * _SHARP**2 // resolution**2)
 
 
-def new_views(viewpoints: Viewpoints, count: int, seed: int) -> list[NDArray[np.float64]]:
-    """Unit directions to judge at: half, rounded up, at centroids of triangles, where there are any, half random."""
-    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_BRANCH, len(viewpoints), count)))
-    worst = min((count + 1) // 2, len(viewpoints.triangles))
-    chosen = viewpoints.triangles[generator.permutation(len(viewpoints.triangles))[:worst]]
-    centroids = viewpoints.directions[chosen].sum(axis=1)
-    return [unit_view(view) for view in [*centroids, *generator.normal(size=(count - worst, 3))]]
+def new_views(viewpoints: Viewpoints, seed: int, count: int) -> list[NDArray[np.float64]]:
+    """Unit directions to judge at; see `rsibr.geometry.novel_views`."""
+    seeds = np.random.SeedSequence(seed, spawn_key=(_BRANCH, len(viewpoints), count))
+    return [view for _, view in novel_views(viewpoints, count, seeds)]
 
 
 def surrounding(viewpoints: Viewpoints, views: Sequence[NDArray[np.float64]]) -> tuple[Viewpoints, set[int]]:

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
+from rsibr.baking.scene import Scene
 from rsibr.budget.probe import ProbedScene, new_views
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
 from rsibr.methods.registry import default_method
-from rsibr.scene.config import Config
 from rsibr.store.bake import Bake
 from rsibr.store.noise import COVERED, denominator
 from rsibr.validation.estimate import Estimate
@@ -28,30 +28,30 @@ _SEED_SHIFT = 1
 """Of the views that are judged: others than those that the choice went by."""
 
 
-def reached_error(baked: Bake, config: Config) -> Estimate:
+def reached_error(baked: Bake, scene: Scene) -> Estimate:
     """RelMSE of the method `rsibr` at views that took no part in any choice, the noise of the truth taken out.
 
     Parameters
     ----------
     baked : Bake
-    config : Config
-        Of its scene.
+    scene : Scene
+        What it was made from.
 
     Returns
     -------
     Estimate
         Mean over the views; its interval is over views like these.
     """
-    scene = ProbedScene(config)
+    probed = ProbedScene(scene)
     viewpoints = Viewpoints(baked.directions, baked.triangles)
     method = MethodSet(baked)[default_method()]
-    integrator = scene.integrator.at_resolution(baked.resolution)
+    integrator = probed.integrator.at_resolution(baked.resolution)
     judged = integrator.coverage >= COVERED
     samples = max(_LEAST_SAMPLES, _SAMPLES * _COARSE**2 // baked.resolution**2)
     errors = []
-    for view in new_views(viewpoints, VIEWS, config.sampling.seed + _SEED_SHIFT):
+    for view in new_views(viewpoints, scene.config.sampling.seed + _SEED_SHIFT, VIEWS):
         frame = view_frame(view)
-        true = scene.map(integrator, frame, samples)
+        true = probed.map(integrator, frame, samples)
         truth = true.radiance[judged].astype(np.float64)
         noise = np.zeros_like(truth) if true.variance is None else true.variance[judged]
         picture = run(method, frame, baked.resolution).image[judged]

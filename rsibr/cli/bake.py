@@ -27,21 +27,24 @@ def bake(
     json_output: Json = False,
 ) -> None:
     """Render the radiance sphere maps of all views. A bake that was killed goes on where it was."""
-    from rsibr.budget.choose import bake as run_bake
+    from rsibr.baking.finished import finished_bake
+    from rsibr.budget.bake import bake as run_bake
     from rsibr.cli.console import bake_progress, note_health, note_peculiarities
     from rsibr.cli.promises import promises, reached_lines
+    from rsibr.scene.config import load_config
 
     overrides = [*(overrides or ()), *(() if clamp is None else (f"sampling.clamp={clamp}",))]
 
+    settings, path = load_config(config, overrides), out or Path(f"{config.stem}.rsibr")
+    known = None if fresh else finished_bake(settings, path)
     with bake_progress() as show:
-        finished = run_bake(
-            config, out=out or Path(f"{config.stem}.rsibr"), overrides=overrides, fresh=fresh, on_progress=show
-        )
+        finished = known or run_bake(settings, out=path, fresh=fresh, on_progress=show)
     note_peculiarities(finished)
     note_health(finished)
     if json_output:
         state = {
             "bake": str(finished.path),
+            "already_complete": known is not None,
             "views": finished.view_count,
             "resolution": finished.resolution,
             "seconds": finished.seconds,
@@ -52,8 +55,9 @@ def bake(
         }
         typer.echo(json.dumps(state))
     else:
+        complete = "" if known is None else "already complete, "
         typer.echo(
-            f"{finished.path}: {finished.view_count} views of {finished.resolution}², "
+            f"{finished.path}: {complete}{finished.view_count} views of {finished.resolution}², "
             f"{finished.seconds:.1f} s, {finished.bytes / 2**20:.1f} MiB"
         )
         for line in reached_lines(finished.manifest):

@@ -11,30 +11,33 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 from rich.progress import TimeRemainingColumn as TimeLeftColumn
 
 if TYPE_CHECKING:
-    from rsibr.baking.baker import Progress as BakeProgress
+    from rsibr.progress import Progress as Work
     from rsibr.store.bake import Bake
+
+VIEW_STEPS = 16
+"""Steps of the bar of a view."""
 
 console = Console(stderr=True, highlight=False, markup=False)
 
 
 @contextmanager
-def bake_progress() -> Iterator[Callable[[BakeProgress], None]]:
-    """Show two bars, the view at work and the whole bake, each with its time left."""
+def bake_progress() -> Iterator[Callable[[Work], None]]:
+    """Show two bars, the whole bake and the view at work, each with its time left."""
     with _bars() as bars:
         whole: TaskID | None = None
         view: TaskID | None = None
+        step = ""
 
-        def show(state: BakeProgress) -> None:
-            nonlocal whole, view
-            blocks = state.blocks
+        def show(state: Work) -> None:
+            nonlocal whole, view, step
             if whole is None or view is None:  # views done before this run cost it nothing: they start the bar
-                whole = bars.add_task("bake", total=state.views * blocks, completed=state.views_done * blocks)
-                view = bars.add_task("view", total=blocks)
-            bars.update(whole, completed=state.views_done * blocks + state.blocks_done)
-            if state.views_done < state.views:
-                if state.blocks_done <= 1:
-                    bars.reset(view, description=f"view {state.views_done + 1}", total=blocks)
-                bars.update(view, completed=state.blocks_done)
+                whole = bars.add_task("bake", total=state.total, completed=int(state.done))
+                view = bars.add_task("view", total=VIEW_STEPS)
+            bars.update(whole, completed=state.done)
+            if state.step != step:
+                step = state.step
+                bars.reset(view, description=step, total=VIEW_STEPS)
+            bars.update(view, completed=round(state.share * VIEW_STEPS))
 
         yield show
 

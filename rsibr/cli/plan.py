@@ -25,11 +25,10 @@ def plan(
 ) -> None:
     """Say which effects a scene calls for, with evidence, cost, and the error of leaving each out. Bakes nothing."""
     from rsibr.baking.plan_document import PlanDocument
-    from rsibr.budget.choose import planned
+    from rsibr.budget.bake import planned
     from rsibr.cli.promises import chosen_lines
-    from rsibr.scene.config import load_config
 
-    made, sampling, budget = planned(load_config(config, overrides or ()))
+    made, sampling, budget = planned(config, overrides or ())
     if json_output:
         typer.echo(PlanDocument.of(made, sampling, budget).to_json(), nl=False)
         return

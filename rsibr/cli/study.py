@@ -12,7 +12,8 @@ import typer
 from rsibr.cli.options import Json, check_output_folder
 
 if TYPE_CHECKING:
-    from rsibr.studies.runner import Progress, Study
+    from rsibr.progress import Progress
+    from rsibr.studies.runner import Study
 
 
 def study(

@@ -1,4 +1,4 @@
-"""A hierarchy of spherical caps over triangles: which one contains a direction, in logarithmic time a lane."""
+"""Bounding-cap hierarchy over spherical triangles: point location in logarithmic time a lane."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _SLACK = 1e-6  # a cap's radius is rounded to float32; the smallest triangles, a
 
 @dataclass(frozen=True, eq=False)
 class CapTree:
-    """Nodes in depth-first order, each with the node to go on with where its cap is missed: no stack is needed.
+    """Bounding-volume hierarchy of spherical caps: depth-first nodes with skip links, traversed without a stack.
 
     Attributes
     ----------
     cap : mi.Float
         Axis x, y, z and cosine of the angular radius of each node's cap, flat.
     skip : mi.UInt32
-        Node that follows a node's whole subtree.
+        Node to continue at when a cap is missed: the first one after the subtree.
     triangle : mi.UInt32
-        Triangle of a leaf; all bits set for inner nodes.
+        Triangle index of a leaf; all bits set in inner nodes.
     corners : mi.Float
-        The triangles' corners, nine floats each, flat.
+        Corners of the triangles, nine floats each, flat.
     size : mi.UInt32
-        Count of nodes (opaque: another tree needs no other kernel).
+        Number of nodes (opaque, so that trees of any size share one kernel).
     """
 
     cap: mi.Float
@@ -41,13 +41,20 @@ class CapTree:
 
     @classmethod
     def build(cls, corners: NDArray[np.float64]) -> CapTree:
-        """Build the tree over triangles with corners of shape (M, 3, 3), unit vectors, counter-clockwise."""
+        """Build the tree by median splits along the widest axis.
+
+        Parameters
+        ----------
+        corners : ndarray, shape (M, 3, 3)
+            Corners of each triangle, unit vectors, counter-clockwise seen from outside.
+        """
         caps: list[NDArray[np.float64]] = []
         skips: list[int] = []
         triangles: list[int] = []
         centroids = corners.sum(axis=1)
 
         def add(members: NDArray[np.int64]) -> None:
+            # Depth first: this node, then its two halves, then the skip link past them
             node = len(caps)
             caps.append(_cap(corners[members].reshape(-1, 3)))
             skips.append(0)
@@ -80,8 +87,8 @@ class CapTree:
         Returns
         -------
         mi.UInt32
-            Of all triangles visited the one that `v` lies deepest in, measured by its least signed distance to a side;
-            so a direction that rounding puts a hair outside every triangle still gets the right one.
+            Among the triangles visited, the one with the largest signed distance from `v` to its nearest side. A
+            direction that rounding places just outside every triangle still gets a neighbouring one.
         """
 
         def step(node: mi.UInt32, best: mi.UInt32, depth: mi.Float) -> tuple[mi.UInt32, mi.UInt32, mi.Float]:
@@ -105,21 +112,22 @@ class CapTree:
         return best
 
     def _depth(self, triangle: mi.UInt32, v: mi.Vector3f, active: mi.Bool) -> mi.Float:
+        """Signed distance from `v` to the nearest side of the triangle, positive inside."""
         a, b, c = (dr.gather(mi.Vector3f, self.corners, 3 * triangle + k, active) for k in range(3))
 
         def distance_to_side(p: mi.Vector3f, q: mi.Vector3f) -> mi.Float:
-            # det(v, p − v, q − v) cancels nothing near the side; over its length it is the distance
+            # det(v, p − v, q − v) has no cancellation near the side; divided by |q − p| it is the distance
             return dr.dot(v, dr.cross(p - v, q - v)) * dr.rsqrt(dr.squared_norm(q - p))
 
         return dr.minimum(dr.minimum(distance_to_side(a, b), distance_to_side(b, c)), distance_to_side(c, a))
 
 
 def _cap(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Axis and cosine of a cap that holds the points, and with them every great-circle arc between them."""
+    """Axis and cosine of the radius of a cap around the points and the great-circle arcs between them."""
     axis = points.mean(axis=0)
     length = np.linalg.norm(axis)
     if length < 1e-9:
         return np.array([0.0, 0.0, 1.0, -1.0])
     axis = axis / length
     cosine = float((points @ axis).min())
-    return np.append(axis, cosine if cosine > 0 else -1.0)  # only a cap below a hemisphere is convex
+    return np.append(axis, cosine if cosine > 0 else -1.0)  # only a cap smaller than a hemisphere is convex

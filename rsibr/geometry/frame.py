@@ -1,4 +1,4 @@
-"""Orthonormal frames: the camera's, and the least rotation between two views."""
+"""Orthonormal frames of views, and the minimal rotation between two views."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rsibr.errors import InputError
 
 
 def unit_view(view: ArrayLike | Sequence[float]) -> NDArray[np.float64]:
-    """Check and normalise a view direction that a user gave.
+    """Check and normalise a view direction given by a user.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def unit_view(view: ArrayLike | Sequence[float]) -> NDArray[np.float64]:
     Raises
     ------
     InputError
-        If it does not hold three finite numbers, or all three are zero.
+        If it is not three finite numbers, or if all are zero.
     """
     try:
         v = np.asarray(view, dtype=np.float64)
@@ -39,7 +39,7 @@ def unit_view(view: ArrayLike | Sequence[float]) -> NDArray[np.float64]:
     largest = float(np.abs(v).max())
     if largest == 0.0:
         raise InputError("0,0,0 has no direction", where="view", fix="give a vector of any length but zero")
-    v = v / largest  # first by the largest, lest the square of a tiny or huge component leaves the range
+    v = v / largest  # scale first: the square of a tiny or huge component would under- or overflow
     return np.asarray(v / np.linalg.norm(v))
 
 
@@ -54,8 +54,13 @@ def view_frame(view: ArrayLike) -> NDArray[np.float64]:
     Returns
     -------
     ndarray, shape (3, 3)
-        Columns x (right, horizontal), y (up) and z = view in world coordinates, right-handed. Exactly at a pole, where
-        nothing is upright, x is the world's +X.
+        Columns x (right, horizontal), y (up) and z = view in world coordinates, right-handed. At a pole, where up is
+        undefined, x is the world's +X.
+
+    Examples
+    --------
+    >>> view_frame([0.0, 0.0, 2.0])[:, 2].tolist()
+    [0.0, 0.0, 1.0]
     """
     z = unit_view(view)
     horizontal = np.array([z[2], 0.0, -z[0]])  # +Y × z
@@ -67,7 +72,7 @@ def view_frame(view: ArrayLike) -> NDArray[np.float64]:
 
 
 def frame_of(v: mi.Vector3f) -> mi.Matrix3f:
-    """Some orthonormal frame with z = v for each lane: where only the direction counts, not what is upright.
+    """Orthonormal frame with z = v for each lane; x and y are arbitrary.
 
     Parameters
     ----------
@@ -77,11 +82,11 @@ def frame_of(v: mi.Vector3f) -> mi.Matrix3f:
     Returns
     -------
     mi.Matrix3f
-        Rotations with the columns x, y, v.
+        Rotation matrices with columns x, y, v.
 
     Notes
     -----
-    Duff et al. (2017): errs by 1.8e-7 at most in float32, poles included, where Frisvad's frame errs by 1.25.
+    Duff et al. (2017). Error at most 1.8e-7 in float32, poles included, where Frisvad's frame errs by up to 1.25.
     """
     sign = dr.copysign(mi.Float(1), v.z)
     a = -dr.rcp(sign + v.z)
@@ -97,7 +102,7 @@ def from_columns(x: mi.Vector3f, y: mi.Vector3f, z: mi.Vector3f) -> mi.Matrix3f:
 
 
 def transported(n: mi.Vector3f, v_from: mi.Vector3f, v_to: mi.Vector3f) -> mi.Vector3f:
-    """Rotate `n` by the least rotation that carries `v_from` to `v_to`.
+    """Rotate `n` by the minimal rotation from `v_from` to `v_to`: parallel transport along the great circle.
 
     Parameters
     ----------
@@ -109,11 +114,11 @@ def transported(n: mi.Vector3f, v_from: mi.Vector3f, v_to: mi.Vector3f) -> mi.Ve
     Returns
     -------
     mi.Vector3f
-        The rotated vectors. Where the two are antipodal the rotation is not unique; the result is finite.
+        Rotated vectors. For antipodal `v_from` and `v_to` the rotation is not unique; the result is finite.
 
     Notes
     -----
-    Rodrigues' formula with the axis a = v_from × v_to left unnormalised: n cos + a × n + a (a·n)/(1 + cos).
+    Rodrigues' formula with the unnormalised axis a = v_from × v_to: n cos θ + a × n + a (a·n)/(1 + cos θ).
     """
     axis = dr.cross(v_from, v_to)
     cosine = dr.dot(v_from, v_to)

@@ -1,4 +1,4 @@
-"""Solid angles and barycentric weights on the unit sphere, in forms that do not cancel."""
+"""Solid angles and barycentric weights on the unit sphere, in forms without cancellation."""
 
 from __future__ import annotations
 
@@ -24,8 +24,14 @@ def solid_angle(a: mi.Vector3f, b: mi.Vector3f, c: mi.Vector3f) -> mi.Float:
     Notes
     -----
     Van Oosterom & Strackee (1983), eq. 8, with the determinant taken of differences: relative error below 3e-7 in
-    float32 down to icosphere subdivision 5, where the arccosine form of Cabral et al. (1999), section 3.4, has lost
+    float32 down to icosphere subdivision 5, where the arccosine form of Cabral et al. (1999), section 3.4, is off by
     11 %.
+
+    Examples
+    --------
+    >>> x, y, z = mi.Vector3f(1, 0, 0), mi.Vector3f(0, 1, 0), mi.Vector3f(0, 0, 1)
+    >>> solid_angle(x, y, z) / dr.pi  # an octant: π/2 sr
+    [0.5]
     """
     numerator = dr.dot(a, dr.cross(b - a, c - a))
     denominator = 1 + dr.dot(a, b) + dr.dot(b, c) + dr.dot(c, a)
@@ -33,7 +39,7 @@ def solid_angle(a: mi.Vector3f, b: mi.Vector3f, c: mi.Vector3f) -> mi.Float:
 
 
 def area_weights(v: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f, c: mi.Vector3f) -> Weights:
-    """Spherical barycentric weights of `v`: the area of each sub-triangle over that of the whole.
+    """Spherical barycentric weights of `v`: the area of each sub-triangle over that of the triangle.
 
     Parameters
     ----------
@@ -49,21 +55,27 @@ def area_weights(v: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f, c: mi.Vector3f)
 
     Notes
     -----
-    Cabral et al. (1999), section 3.4. The weights jump by up to 1.3e-3 across the edges of an icosphere from
-    subdivision 1 on, where triangles are not equilateral; `gnomonic_weights` do not.
+    Cabral et al. (1999), section 3.4. From icosphere subdivision 1 on, where triangles are not equilateral, the weights
+    are discontinuous across edges by up to 1.3e-3; `gnomonic_weights` are continuous.
     """
     return _normalized(solid_angle(v, b, c), solid_angle(v, c, a), solid_angle(v, a, b))
 
 
 def gnomonic_weights(v: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f, c: mi.Vector3f) -> Weights:
-    """Barycentric weights of `v` projected from the sphere's centre onto the triangle's plane.
+    """Barycentric weights of the gnomonic projection of `v` onto the triangle's plane.
 
     Parameters and result as in `area_weights`. Continuous across edges at every subdivision.
 
     Notes
     -----
-    v = αa + βb + γc gives α = det(v, b, c)/det(a, b, c); the common factor drops out and each determinant is taken of
-    differences, det(v, b−v, c−v), so that nothing cancels where the triangle is small.
+    v = αa + βb + γc gives α = det(v, b, c)/det(a, b, c). The common factor drops out; each determinant is taken of
+    differences, det(v, b−v, c−v), which avoids cancellation in small triangles.
+
+    Examples
+    --------
+    >>> x, y, z = mi.Vector3f(1, 0, 0), mi.Vector3f(0, 1, 0), mi.Vector3f(0, 0, 1)
+    >>> gnomonic_weights(x, x, y, z)
+    ([1], [0], [0])
     """
     return _normalized(_volume(v, b, c), _volume(v, c, a), _volume(v, a, b))
 
@@ -73,7 +85,7 @@ def _volume(v: mi.Vector3f, p: mi.Vector3f, q: mi.Vector3f) -> mi.Float:
 
 
 def _normalized(a: mi.Float, b: mi.Float, c: mi.Float) -> Weights:
-    # A query on an edge has an opposite weight of ±1 ulp; point location may have taken either neighbour.
+    # On an edge the opposite weight is ±1 ulp, depending on which neighbour point location returned
     a, b, c = dr.maximum(a, 0), dr.maximum(b, 0), dr.maximum(c, 0)
-    total = a + b + c  # divided, not multiplied by the reciprocal: x/x is exactly one, at a vertex it must be
+    total = a + b + c  # divided, not multiplied by the reciprocal: x/x is exactly one, as a vertex requires
     return a / total, b / total, c / total

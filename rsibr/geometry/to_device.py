@@ -1,4 +1,4 @@
-"""Arrays on the device, always laid out alike."""
+"""Copies of NumPy arrays in memory that Dr.Jit allocates."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ def to_device(dtype: Any, array: NDArray[Any]) -> Any:
     Returns
     -------
     dtype
-        An evaluated array in memory of Dr.Jit's own.
+        Evaluated array in memory allocated by Dr.Jit.
 
     Notes
     -----
-    On the CPU Dr.Jit would use NumPy's memory as it is, whose alignment differs from array to array. Kernels are
-    compiled for it: the same computation on other data would be compiled again, and lookups of whole texels (one
-    aligned packet) would fall apart into lookups of each channel, at three times the time.
+    On the CPU Dr.Jit would borrow NumPy's memory, whose alignment varies from array to array. Kernels are compiled for
+    an alignment: the same computation on other data would be compiled again, and packet gathers of whole texels would
+    become one gather a channel, at three times the time.
     """
     borrowed = dtype(np.ascontiguousarray(array).ravel())
     own = dr.empty(dtype, len(borrowed))
     dr.scatter(own, borrowed, dr.arange(dr.uint32_array_t(dtype), len(borrowed)))
     dr.eval(own)
-    dr.sync_thread()  # the copy has been made: NumPy may have its memory back
+    dr.sync_thread()  # wait for the copy: NumPy may free its memory afterwards
     return own

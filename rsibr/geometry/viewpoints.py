@@ -1,4 +1,4 @@
-"""The sphere of views: which directions are stored, and which triangle of them surrounds a new one."""
+"""Stored view directions, their triangulation of the sphere, and point location in it."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from rsibr.geometry.cap_tree import CapTree
 from rsibr.geometry.to_device import to_device
 
 VIEW_COUNTS = (12, 42, 162, 642, 2562, 10242)
-"""Views of a subdivided icosahedron. They are nested: each count's directions are the first of the next one's."""
+"""Number of vertices of each icosphere. They are nested: the vertices of one are the first ones of the next."""
 
 MAX_SUBDIVISION = 5
-"""10 242 views: beyond it the triangles' sides come near the resolution of float32 weights, and no use is known."""
+"""10 242 views; with more, the triangles' sides would approach the resolution of float32 weights."""
 
 _NESTED = 1e-12
-"""Difference up to which two unit directions are the same."""
+"""Tolerance of a component within which two unit directions are equal."""
 
 
 @dataclass(frozen=True, eq=False)
 class Viewpoints:
-    """Stored view directions and the triangles between them that cover the sphere.
+    """Stored view directions and the triangles that cover the sphere, on the host.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Viewpoints:
 
     @cached_property
     def on_device(self) -> ViewSphere:
-        """The same on the device, to be looked up in kernels."""
+        """Copy on the device, for lookups in kernels."""
         return ViewSphere(
             directions=to_device(mi.Float, self.directions.astype(np.float32)),
             triangles=to_device(mi.UInt32, self.triangles.astype(np.uint32)),
@@ -83,7 +83,7 @@ class ViewSphere:
     tree : CapTree
         Hierarchy over the triangles for point location.
     count : mi.UInt32
-        Count of directions (opaque: more of them need no other kernel).
+        Number of directions (opaque, so that all counts share one kernel).
     """
 
     directions: mi.Float
@@ -106,18 +106,23 @@ class ViewSphere:
         Returns
         -------
         mi.Vector3u
-            View indices. On an edge or a vertex, any of the triangles that share it.
+            View indices. On an edge or at a vertex, those of any of the triangles that share it.
         """
         return dr.gather(mi.Vector3u, self.triangles, self.tree.locate(v))
 
     def nearest(self, v: mi.Vector3f) -> mi.UInt32:
-        """Index of the stored view nearest to `v`; of several equally near ones the first.
+        """Index of the stored view nearest to `v`; the first of several at the same distance.
 
-        It need not belong to the triangle that surrounds `v`: for 8 to 13 % of directions at subdivisions 1 to 3 the
-        three nearest views are not the surrounding ones.
+        It need not be a corner of the triangle around `v`: for 8 to 13 % of directions at subdivisions 1 to 3 the three
+        nearest views are not the corners.
+
+        Parameters
+        ----------
+        v : mi.Vector3f
+            Unit directions, one a lane.
         """
         best, best_cosine, candidate = mi.UInt32(0), mi.Float(-2), mi.UInt32(0)
-        count, directions = self.count, self.directions  # out here: the loop records only
+        count, directions = self.count, self.directions  # read outside: the loop body is traced
 
         def step(candidate: mi.UInt32, best: mi.UInt32, best_cosine: mi.Float) -> tuple[mi.UInt32, mi.UInt32, mi.Float]:
             cosine = dr.dot(v, dr.gather(mi.Vector3f, directions, candidate))
@@ -136,12 +141,12 @@ class ViewSphere:
 
 
 def witness(viewpoints: Viewpoints) -> Viewpoints:
-    """The first of the views alone, with no triangle around anything: for what needs no views, to be held against."""
+    """First view alone, without triangles: the map that checks a material whose appearance needs no stored views."""
     return Viewpoints(viewpoints.directions[:1], np.zeros((0, 3), dtype=np.int64))
 
 
 def icosphere(subdivision: int) -> Viewpoints:
-    """Vertices of a subdivided icosahedron: 12, 42, 162, 642, 2562 or 10 242 views.
+    """Icosphere: 12, 42, 162, 642, 2562 or 10 242 views at the vertices of a subdivided icosahedron.
 
     Parameters
     ----------
@@ -152,6 +157,11 @@ def icosphere(subdivision: int) -> Viewpoints:
     ------
     InputError
         If `subdivision` is out of range.
+
+    Examples
+    --------
+    >>> len(icosphere(1))
+    42
     """
     if not 0 <= subdivision <= MAX_SUBDIVISION:
         raise InputError(f"{subdivision} is no subdivision", where="views.subdivision", fix="give 0 to 5")
@@ -162,19 +172,19 @@ def icosphere(subdivision: int) -> Viewpoints:
 
 
 def first_views(viewpoints: Viewpoints, count: int) -> Viewpoints:
-    """The first views of an icosphere, with triangles of their own.
+    """First views of an icosphere, with the triangulation of the coarser icosphere that they form.
 
     Parameters
     ----------
     viewpoints : Viewpoints
-        All of them.
+        An icosphere, or any views if `count` is their number.
     count : int
-        How many: all, or one of `VIEW_COUNTS` where `viewpoints` is an icosphere.
+        Number of views: all, or one of `VIEW_COUNTS`.
 
     Raises
     ------
     ValueError
-        If there is no icosphere of so many views, or they are not the first of these.
+        If no icosphere has `count` vertices, or its vertices are not the first of these views.
     """
     if count == len(viewpoints):
         return viewpoints
@@ -185,14 +195,14 @@ def first_views(viewpoints: Viewpoints, count: int) -> Viewpoints:
 
 
 def from_directions(directions: ArrayLike, triangles: ArrayLike | None = None) -> Viewpoints:
-    """Views in directions of the user's own.
+    """Views in given directions.
 
     Parameters
     ----------
     directions : array_like, shape (N, 3)
-        Directions of any positive length, N ≥ 4, not all in one half of the sphere.
+        Directions of any positive length, N ≥ 4, not all in one hemisphere.
     triangles : array_like, shape (M, 3), optional
-        Indices of the triangles that cover the sphere, either orientation. By default the convex hull's.
+        Indices of the triangles that cover the sphere, in either orientation. By default the convex hull.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""The light, blurred by Gaussians of many widths and ready to be looked up: as blurred as a lobe asks for.
+"""Gaussian pyramid of the environment: radiance at increasing blur, on the device.
 
-Each level is an octahedral image of its own size. A level's width is what a bilinear lookup in it amounts to: the
-Gaussian that it was blurred with, and the tent of the lookup itself.
+Each level is an octahedral image with a resolution of its own. The width of a level is that of a bilinear lookup in it:
+the variances of its Gaussian and of the lookup's tent filter, added.
 """
 
 from __future__ import annotations
@@ -16,35 +16,43 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.bilinear import BilinearCell
 from rsibr.geometry.frame import frame_of
 from rsibr.geometry.projections.octahedral import bordered, square_from_direction, texel_directions
 from rsibr.geometry.to_device import to_device
 from rsibr.light.shared_exponent import bilinear, packed
 
 WIDEST = 1.3
-"""Standard deviation [rad] of the most blurred level: wider ones all but hold the mean."""
+"""Standard deviation [rad] of the coarsest level; wider levels would be nearly constant."""
 
-_FINENESS = 2.2  # texels a standard deviation
+_FINENESS = 2.2  # texels per standard deviation
 _LEAST_RESOLUTION = 8
-_REACH, _TAPS = 2.8, 9  # of a blur: standard deviations, and taps a side
+_REACH, _TAPS = 2.8, 9  # of a blur: cut-off in standard deviations; taps a side
 
 
 @dataclass(eq=False)
 class EnvironmentPyramid:
-    """Radiance of the light at rising widths of blur, √2 apart but for the first two.
+    """Radiance of the environment at widths √2 apart, except between the first two levels.
 
     Attributes
     ----------
     texels : mi.Float
-        Texels of all levels, each with a border of one texel, flat: bits of two words a texel (see `texel`).
+        Texels of all levels, each level with a border of one texel, flat; two words a texel as bits of floats, see
+        `rsibr.light.shared_exponent`.
     starts, resolutions : mi.UInt32
-        Where each level begins, in texels, and its texels a side.
+        Offset of each level in texels, and its texels a side.
     variances : mi.Float
-        Squared standard deviation [rad²] of each level.
+        Variance [rad²] of each level.
     finest : mi.Float
-        Standard deviation [rad] of level 1 (opaque); level 0 is the light as it is.
+        Standard deviation [rad] of level 1 (opaque); level 0 is the unblurred environment.
     last : mi.Float
-        Number of the last level (opaque).
+        Index of the last level (opaque).
+
+    Examples
+    --------
+    >>> pyramid = EnvironmentPyramid.of(np.full((16, 16, 3), 2.0, dtype=np.float32))
+    >>> bool(dr.allclose(pyramid.blurred(mi.Vector3f(0, 1, 0), mi.Float(0.2)), 2, rtol=1e-4))
+    True
     """
 
     texels: mi.Float
@@ -56,25 +64,25 @@ class EnvironmentPyramid:
 
     @classmethod
     def of(cls, picture: NDArray[np.float32], levels: Sequence[NDArray[np.float32]] = ()) -> EnvironmentPyramid:
-        """Put the pyramid of a light on the device.
+        """Copy the pyramid of an environment to the device.
 
         Parameters
         ----------
         picture : ndarray, shape (R, R, 3)
-            Octahedral picture of the radiance [W sr⁻¹ m⁻²]: level 0; see `rsibr.light.radiance.light_map`.
+            Octahedral image of the radiance [W sr⁻¹ m⁻²], level 0; see `rsibr.light.radiance.light_map`.
         levels : sequence of ndarray
-            From `blurred_levels`, if they are known; otherwise computed.
+            Further levels, from `blurred_levels`; computed if empty.
         """
         return cls._stacked([picture, *(levels or blurred_levels(picture))], level_widths(len(picture)))
 
     @classmethod
     def finest_only(cls, picture: NDArray[np.float32]) -> EnvironmentPyramid:
-        """Put level 0 alone on the device, for what looks up no other."""
+        """Copy level 0 alone to the device, for lookups without blur; `picture` as in `of`."""
         return cls._stacked([picture], level_widths(len(picture))[:1])
 
     @classmethod
     def of_irradiance(cls, irradiance: NDArray[np.float32]) -> EnvironmentPyramid:
-        """Put an irradiance map on the device: one level, to be looked up by the normal; see `irradiance.py`."""
+        """Copy an irradiance map to the device: one level, indexed by the normal; see `rsibr.light.irradiance`."""
         return cls._stacked([irradiance], [1.0])
 
     @classmethod
@@ -91,19 +99,19 @@ class EnvironmentPyramid:
         )
 
     def blurred(self, d: mi.Vector3f, width: mi.Float) -> mi.Color3f:
-        """Radiance around a direction.
+        """Blurred radiance around a direction, interpolated between two levels.
 
         Parameters
         ----------
         d : mi.Vector3f
-            Unit directions.
+            Unit directions in world coordinates.
         width : mi.Float
-            Standard deviation [rad] of the Gaussian to see the light through.
+            Standard deviation [rad] of the Gaussian.
 
         Returns
         -------
         mi.Color3f
-            Radiance [W sr⁻¹ m⁻²], mixed from two levels so that the variance is right.
+            Radiance [W sr⁻¹ m⁻²]. The levels are weighted so that the variance of the mixture is width².
         """
         lower = mi.UInt32(dr.clip(self._level(width), 0, self.last - 1))
         v0, v1 = dr.gather(mi.Float, self.variances, lower), dr.gather(mi.Float, self.variances, lower + 1)
@@ -111,29 +119,28 @@ class EnvironmentPyramid:
         return dr.lerp(self.fetch(d, lower), self.fetch(d, lower + 1), share)
 
     def nearest_blurred(self, d: mi.Vector3f, width: mi.Float) -> mi.Color3f:
-        """Radiance from the one level that comes nearest to `width`: half the lookups of `blurred`."""
+        """Radiance from the level nearest to `width`: half the lookups of `blurred`; parameters as there."""
         return self.fetch(d, mi.UInt32(dr.clip(self._level(width) + 0.5, 0, self.last)))
 
     def fetch(self, d: mi.Vector3f, level: mi.UInt32) -> mi.Color3f:
-        """Bilinear lookup in one level."""
+        """Bilinear lookup of the radiance [W sr⁻¹ m⁻²] in one level, in the unit directions `d`."""
         start, resolution = dr.gather(mi.UInt32, self.starts, level), dr.gather(mi.UInt32, self.resolutions, level)
         p, half = square_from_direction(d), 0.5 * mi.Float(resolution)
-        column, row = dr.fma(p.x, half, half + 0.5), dr.fma(p.y, half, half + 0.5)
-        left, top = mi.UInt32(column), mi.UInt32(row)
-        rightward, downward = column - mi.Float(left), row - mi.Float(top)
+        cell = BilinearCell.at(dr.fma(p.x, half, half + 0.5), dr.fma(p.y, half, half + 0.5))
         stride = resolution + 2
-        corner = dr.fma(top, stride, left) + start
-        return bilinear(self.texels, corner, stride, rightward, downward)
+        corner = cell.corner(stride) + start
+        return bilinear(self.texels, cell, corner, corner + 1, stride)
 
     def _level(self, width: mi.Float) -> mi.Float:
+        """Fractional level of a width [rad], < 1 below that of level 1."""
         return 2 * dr.log2(dr.maximum(width, 1e-9) / self.finest) + 1
 
 
 def level_widths(resolution: int) -> list[float]:
-    """Standard deviation [rad] of each level for a picture of R×R texels, R = `resolution`.
+    """Standard deviation [rad] of each level for an image of R×R texels, R = `resolution`.
 
-    Level 0 is the picture: a box of one texel and the tent of the lookup. Level 1 is one texel wide, each further one
-    √2 times the last, up to the first that reaches `WIDEST`.
+    Level 0 is the image: a box of one texel and the tent filter of the lookup. Level 1 is one texel wide, and each
+    further level √2 times the last, up to the first that reaches `WIDEST`.
     """
     spacing = _spacing(resolution)
     widths = [0.5 * spacing]
@@ -143,22 +150,23 @@ def level_widths(resolution: int) -> list[float]:
 
 
 def level_resolution(resolution: int, width: float) -> int:
-    """Texels a side of a level of standard deviation `width` [rad]: `_FINENESS` of them to one deviation."""
+    """Texels a side of a level of standard deviation `width` [rad]: `_FINENESS` per standard deviation."""
     return max(_LEAST_RESOLUTION, min(resolution, math.ceil(_FINENESS * _spacing(1) / width)))
 
 
 def blurred_levels(picture: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-    """Blur a light to all widths but its own: levels 1, 2, … of its pyramid.
+    """Levels 1, 2, … of the pyramid of an environment.
 
     Parameters
     ----------
     picture : ndarray, shape (R, R, 3)
-        Octahedral picture of the radiance [W sr⁻¹ m⁻²].
+        Octahedral image of the radiance [W sr⁻¹ m⁻²].
 
     Returns
     -------
     list of ndarray, shape (R_k, R_k, 3), float32
-        Each blurred from the last by what its variance lacks, the tent of the lookup counted.
+        Each level is blurred from the previous one by the difference of their variances, with that of the lookup's tent
+        filter subtracted.
     """
     widths, level, levels = level_widths(len(picture)), picture, []
     for before, width in itertools.pairwise(widths):
@@ -170,18 +178,20 @@ def blurred_levels(picture: NDArray[np.float32]) -> list[NDArray[np.float32]]:
 
 
 def _spacing(resolution: int) -> float:
-    """Mean distance [rad] of neighbouring texels."""
+    """Mean angle [rad] between neighbouring texels."""
     return math.sqrt(4 * math.pi) / resolution
 
 
 def _blurred(source: EnvironmentPyramid, width: float, resolution: int) -> NDArray[np.float32]:
-    """Blur the one level of `source` by a Gaussian of standard deviation `width` [rad]."""
+    """Blur the only level of `source` by a Gaussian of standard deviation `width` [rad]."""
+    # Taps in the tangent plane: a Gaussian cut off at _REACH, rescaled to the full variance
     x, y = (grid.ravel() for grid in np.meshgrid(*[np.linspace(-_REACH, _REACH, _TAPS)] * 2))
     near = np.hypot(x, y) <= _REACH
     x, y, weight = x[near], y[near], np.exp(-0.5 * (x**2 + y**2))[near]
-    width *= math.sqrt(weight.sum() / (weight @ x**2))  # what is cut off at the reach would leave the variance short
+    width *= math.sqrt(weight.sum() / (weight @ x**2))
     taps = np.stack([x * width, y * width, weight / weight.sum(), 0 * weight], axis=1)
     packed, count = to_device(mi.Float, taps.astype(np.float32)), dr.opaque(mi.UInt32, len(taps))
+    # Sum of the taps around each texel's direction
     d = texel_directions(resolution)
     frame = frame_of(d)
 

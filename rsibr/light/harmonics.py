@@ -1,4 +1,4 @@
-"""Spherical harmonics of a latitude–longitude map: how much of the light varies how fast."""
+"""Spherical harmonics of a latitude–longitude map."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.special import sph_legendre_p_all
 
 LMAX = 32
-"""Highest band that is looked at: features of about 6°."""
+"""Highest band: features of about 6°."""
 
 _ROWS, _COLUMNS = 128, 256
 
@@ -18,14 +18,14 @@ def coefficients(image: NDArray[np.float64], lmax: int = LMAX) -> NDArray[np.com
     Parameters
     ----------
     image : ndarray, shape (H, W)
-        Rows at polar angles j π / (H − 1) from +Y, columns evenly round it.
+        Rows at polar angles j π / (H − 1) from +Y, columns evenly spaced in azimuth.
     lmax : int
         Highest band.
 
     Returns
     -------
     ndarray, shape (lmax + 1, lmax + 1), complex
-        a_lm for m ≥ 0, orthonormal harmonics; those of −m are (−1)^m times the conjugate.
+        a_lm for m ≥ 0, orthonormal harmonics; a_l,−m = (−1)^m a*_lm.
     """
     grid = reduced(image[..., None], _ROWS, _COLUMNS)[..., 0] if image.size > _ROWS * _COLUMNS else image
     rows, columns = grid.shape
@@ -37,7 +37,7 @@ def coefficients(image: NDArray[np.float64], lmax: int = LMAX) -> NDArray[np.com
 
 
 def synthesis(spectrum: NDArray[np.complex128], rows: int = _ROWS, columns: int = _COLUMNS) -> NDArray[np.float64]:
-    """Map of shape (rows, columns) that has these coefficients: the inverse of `coefficients`."""
+    """Map of shape (rows, columns) with these coefficients: the inverse of `coefficients`."""
     lmax = len(spectrum) - 1
     orders = np.einsum("lmh,lm->hm", _legendre(rows, lmax), spectrum)
     around = np.zeros((rows, columns // 2 + 1), dtype=np.complex128)
@@ -46,24 +46,24 @@ def synthesis(spectrum: NDArray[np.complex128], rows: int = _ROWS, columns: int 
 
 
 def band_power(spectrum: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Mean square over the sphere of each band, shape (lmax + 1,): they add up to ⟨L²⟩."""
+    """Mean square over the sphere of each band, shape (lmax + 1,); the sum is ⟨L²⟩."""
     both = np.where(np.arange(spectrum.shape[1]) == 0, 1.0, 2.0)
     return np.asarray((np.abs(spectrum) ** 2 * both).sum(axis=1) / (4 * np.pi))
 
 
 def reduced(image: NDArray[np.floating], rows: int, columns: int) -> NDArray[np.float64]:
-    """Scale a map (H, W, C) down to at most `rows` × `columns`, rows on the poles as before; means over areas."""
+    """Box-filter a map (H, W, C) down to at most `rows` × `columns`; its first and last row stay on the poles."""
     smaller = _averaged(image, min(rows, image.shape[0]), on_ends=True)
     turned = np.swapaxes(smaller, 0, 1)
     return np.ascontiguousarray(np.swapaxes(_averaged(turned, min(columns, len(turned)), on_ends=False), 0, 1))
 
 
 def _averaged(image: NDArray[np.floating], count: int, on_ends: bool) -> NDArray[np.float64]:
-    """Means over `count` stretches of the first axis; `on_ends`: samples lie on the ends of the axis, not inside."""
+    """Means over `count` intervals of the first axis; with `on_ends`, its outer samples lie on the ends of the axis."""
     length = len(image)
     if length in (1, count):
         return np.asarray(image, dtype=np.float64)
-    # The integral of a signal that is constant around each sample, read off at the borders of the stretches
+    # Differences of the cumulative integral of a piecewise constant signal at the intervals' borders
     edges = (np.arange(count + 1) - 0.5) / (count - 1) * (length - 1) + 0.5 if on_ends else None
     borders = np.clip(np.arange(count + 1) * (length / count) if edges is None else edges, 0, length)
     integral = np.concatenate([np.zeros((1, *image.shape[1:])), np.cumsum(image, axis=0, dtype=np.float64)])
@@ -76,7 +76,7 @@ def _averaged(image: NDArray[np.floating], count: int, on_ends: bool) -> NDArray
 def _polar_weights(rows: int) -> NDArray[np.float64]:
     """Quadrature weights of ∫ f sin θ dθ over rows that include both poles (Clenshaw & Curtis 1960).
 
-    Exact for trigonometric polynomials up to degree rows − 1, so that no band leaks into another.
+    Exact for trigonometric polynomials up to degree rows − 1, so that bands do not mix.
     """
     if rows < 3:
         return np.full(rows, 2.0 / rows)

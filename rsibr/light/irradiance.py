@@ -1,4 +1,4 @@
-"""Irradiance maps: the light gathered over a cosine lobe, by the normal of the surface."""
+"""Irradiance maps: the environment integrated over a cosine lobe, indexed by the surface normal."""
 
 from __future__ import annotations
 
@@ -10,33 +10,33 @@ from rsibr.geometry.projections.octahedral import texel_directions, texel_solid_
 RESOLUTION = 64
 """Texels a side of an irradiance map, octahedral."""
 
-_BLOCKS = 128  # blocks a side that the light is merged into
+_BLOCKS = 128  # blocks a side into which the environment is merged
 
 
 def irradiance_map(picture: NDArray[np.float32], weights: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Mean radiance over a cosine lobe, a mixture of a bare one and one under a coat.
+    """Mean radiance over a mixture of a bare and a coated cosine lobe.
 
     Parameters
     ----------
     picture : ndarray, shape (R, R, 3)
-        Octahedral picture of the radiance [W sr⁻¹ m⁻²].
+        Octahedral image of the radiance [W sr⁻¹ m⁻²].
     weights : ndarray, shape (2, 3)
-        Of the bare and the coated lobe in each channel; see `rsibr.lobes.gaussians.LobeShape.matte`.
+        Weight of the bare and of the coated lobe in each channel; see `rsibr.lobes.gaussians.LobeShape.matte`.
 
     Returns
     -------
     ndarray, shape (RESOLUTION, RESOLUTION, 3), float32
-        Octahedral, by the surface normal. Under a constant light it is that light's radiance.
+        Radiance [W sr⁻¹ m⁻²], octahedral, indexed by the surface normal; equal to that of a constant environment.
 
     Notes
     -----
     The weight of a direction with cosine c is c (w_bare + w_coated (1 − (1 − c)⁵)), Schlick's transmission.
     """
-    weights = np.where(weights.any(axis=0), weights, 1.0)  # a black channel needs some shape too
+    weights = np.where(weights.any(axis=0), weights, 1.0)  # in a black channel any shape serves
     radiance, angles, directions = _blocks(picture)
     level = np.empty((RESOLUTION**2, 3))
     normals = np.array(texel_directions(RESOLUTION), dtype=np.float64).T
-    for rows in np.array_split(np.arange(len(level)), RESOLUTION // 4):  # all at once would fill the memory
+    for rows in np.array_split(np.arange(len(level)), RESOLUTION // 4):  # in parts, to bound the memory
         cosines = np.maximum(normals[rows] @ directions.T, 0)
         coated = cosines * (1 - (1 - cosines) ** 5)
         gathered, total = ((cosines @ x) * weights[0] + (coated @ x) * weights[1] for x in (radiance, angles))
@@ -45,10 +45,7 @@ def irradiance_map(picture: NDArray[np.float32], weights: NDArray[np.float64]) -
 
 
 def _blocks(light: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Merge texels into a few thousand blocks: radiance times solid angle, solid angle, and mean direction.
-
-    All of shape (blocks, 3).
-    """
+    """Merge texels into blocks: radiance times solid angle, solid angle, and mean direction, each (blocks, 3)."""
     side = max(1, len(light) // _BLOCKS)
     count = len(light) // side
     angles = texel_solid_angles(len(light))[:, None]

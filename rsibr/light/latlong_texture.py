@@ -1,4 +1,4 @@
-"""A latitude–longitude image of the light on the device, interpolated as Mitsuba's `envmap` interpolates it."""
+"""Latitude–longitude image of the environment on the device, interpolated as by Mitsuba's `envmap`."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.bilinear import BilinearCell
 from rsibr.geometry.to_device import to_device
 from rsibr.light.shared_exponent import bilinear, packed
 
 
 @dataclass(eq=False)
 class LatLongTexture:
-    """Texels, and where they lie.
+    """Texels and orientation of a latitude–longitude image.
 
     Attributes
     ----------
     texels : mi.Float
-        Rows from the top; after its last column each row has its first again, and the last row comes twice. Flat: bits
-        of two words a texel (see `texel`).
+        Rows from the top, flat; each row is followed by its first texel, and the last row is repeated. Two words a
+        texel as bits of floats, see `rsibr.light.shared_exponent`.
     height, width : mi.UInt32
-        Texels down and across (opaque).
+        Number of rows and columns, without the repeated ones (opaque).
     to_image : mi.Matrix3f
         Rotation from world coordinates to the image's axes.
     """
@@ -35,7 +36,7 @@ class LatLongTexture:
 
     @classmethod
     def of(cls, image: NDArray[np.float32], frame: NDArray[np.float64]) -> LatLongTexture:
-        """Put an image on the device; see `rsibr.light.radiance.Light` for both."""
+        """Copy an image to the device; `image` and `frame` as in `rsibr.light.radiance.Light`."""
         bordered = np.pad(np.pad(image, ((0, 0), (0, 1), (0, 0)), mode="wrap"), ((0, 1), (0, 0), (0, 0)), mode="edge")
         to_image = mi.Matrix3f(frame.T.astype(np.float32))
         dr.make_opaque(to_image)
@@ -43,13 +44,13 @@ class LatLongTexture:
         return cls(to_device(mi.Float, packed(bordered).view(np.float32)), height, width, to_image)
 
     def fetch(self, d: mi.Vector3f) -> mi.Color3f:
-        """Radiance [W sr⁻¹ m⁻²] from unit directions in world coordinates, bilinear."""
+        """Radiance [W sr⁻¹ m⁻²] in unit directions in world coordinates, by bilinear lookup."""
         local = self.to_image @ d
         turn = dr.atan2(local.x, -local.z) * dr.inv_two_pi
         column = (turn - dr.floor(turn)) * mi.Float(self.width) - 0.5
         column = dr.select(column < 0, column + mi.Float(self.width), column)
         row = dr.safe_acos(local.y) * dr.inv_pi * mi.Float(self.height - 1)
         left, top = dr.minimum(mi.UInt32(column), self.width - 1), dr.minimum(mi.UInt32(row), self.height - 1)
-        rightward, downward = column - mi.Float(left), row - mi.Float(top)
-        corner = dr.fma(top, self.width + 1, left)
-        return bilinear(self.texels, corner, self.width + 1, rightward, downward)
+        cell = BilinearCell(left, top, column - mi.Float(left), row - mi.Float(top))
+        corner = cell.corner(self.width + 1)
+        return bilinear(self.texels, cell, corner, corner + 1, self.width + 1)

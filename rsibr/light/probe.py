@@ -1,4 +1,4 @@
-"""Measures the light: how uneven it is, how coloured, how much of it sits in small sources, how fast it varies."""
+"""Statistics of the environment: variance, colour, small sources, power a harmonic band."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from numpy.typing import NDArray
 from rsibr.light.harmonics import LMAX, band_power, coefficients, reduced
 
 SMALL = 1e-3
-"""Share of the sphere that counts as small: the sun takes 5e-6 of it, a studio lamp some 1e-2."""
+"""Share of the sphere up to which a source counts as small; the sun has 5e-6, a studio lamp about 1e-2."""
 
 UNRESOLVED = 1e9
-"""Relative variance that stands for a source without extent, such as a `directional` emitter."""
+"""Sentinel for the relative variance of a source without extent, such as a `directional` emitter."""
 
 _ROWS, _COLUMNS = 256, 512
 _DRAWS = 2**14
-_MISSED = 0.01  # share of the power that the grid may miss before a small source is looked for
+_MISSED = 0.01  # share of the power missed by the grid above which a small source is searched for
 
 
 @dataclass(frozen=True, eq=False)
 class LightProbe:
-    """What the light is like. Statistics are over directions, uniformly over the sphere.
+    """Statistics of the environment's radiance L, uniform over the sphere of directions.
 
     Attributes
     ----------
     mean : tuple of three floats
-        Mean radiance [W sr⁻¹ m⁻²] in red, green, blue; of a source without extent its share is left out.
+        Mean radiance [W sr⁻¹ m⁻²] in red, green, blue, without sources that have no extent.
     variance : float
         Relative variance of the radiance, ⟨L²⟩/⟨L⟩² − 1 of the mean of the channels: 0 for a constant sky;
         `UNRESOLVED` where a source has no extent.
@@ -39,13 +39,14 @@ class LightProbe:
     peak_share : float
         Share of the light that comes from the brightest `SMALL` of the sphere.
     chroma : float
-        Root mean square of green and blue against red, relative to the radiance's: 0 for grey light.
+        Root mean square of the difference of green and blue from red, relative to that of L: 0 for grey light.
     bands : ndarray, shape (LMAX + 1,)
-        Share of ⟨L²⟩ in each band of spherical harmonics; sum at most 1.
+        Share of ⟨L²⟩ in each band of spherical harmonics; the sum is at most 1.
     spectrum : ndarray, shape (LMAX + 1, LMAX + 1), complex
-        Spherical-harmonic coefficients of the mean of the channels, m ≥ 0, over its mean; `rsibr.light.harmonics`.
+        Spherical-harmonic coefficients, m ≥ 0, of the mean of the channels, relative to its mean; see
+        `rsibr.light.harmonics`.
     small : ndarray, shape (h, w)
-        The map itself, mean of the channels over its mean, at most 128 × 256.
+        Mean of the channels, relative to its mean, at most 128 × 256 texels.
     """
 
     mean: tuple[float, float, float]
@@ -69,14 +70,14 @@ class LightProbe:
 
 
 def probe_light(emitter: dict[str, Any], image: NDArray[np.float32] | None) -> LightProbe:
-    """Measure an environment.
+    """Measure the statistics of an environment.
 
     Parameters
     ----------
     emitter : dict
         Mitsuba emitter at infinity.
     image : ndarray (H, W, 3), or None
-        Its latitude–longitude map as Mitsuba lays it out, rows from pole to pole; None where it is no map.
+        Its latitude–longitude map in Mitsuba's layout, rows from pole to pole; None if it is not a map.
 
     Returns
     -------
@@ -84,8 +85,8 @@ def probe_light(emitter: dict[str, Any], image: NDArray[np.float32] | None) -> L
 
     Notes
     -----
-    An emitter that is no map is evaluated on a grid of directions; light that the grid misses (a sun of half a degree)
-    is found by the emitter's own sampling and put into the texel that it comes from.
+    An emitter that is not a map is evaluated on a grid of directions. Power missed by the grid, such as that of a sun
+    of 0.5°, is found by sampling the emitter and added to the texel of its direction.
     """
     if image is not None:
         return _statistics(image, has_delta=False)
@@ -95,7 +96,7 @@ def probe_light(emitter: dict[str, Any], image: NDArray[np.float32] | None) -> L
 
 
 def band_solid_angles(rows: int) -> NDArray[np.float64]:
-    """Solid angle [sr] of the band of each row of a map whose first and last row lie on the poles; sum 4π."""
+    """Solid angle [sr] of each row of a map whose first and last row lie on the poles; the sum is 4π."""
     if rows == 1:
         return np.array([4 * np.pi])
     edges = np.clip((np.arange(rows + 1) - 0.5) / (rows - 1), 0, 1) * np.pi
@@ -103,6 +104,7 @@ def band_solid_angles(rows: int) -> NDArray[np.float64]:
 
 
 def _statistics(image: NDArray[np.float32], has_delta: bool) -> LightProbe:
+    # Mean and variance over the sphere, by solid angle
     brightest = float(image.max(initial=0.0))
     smaller = reduced(image, _ROWS, _COLUMNS) if image.shape[0] > 4 * _ROWS else image.astype(np.float64)
     weight = (
@@ -115,6 +117,7 @@ def _statistics(image: NDArray[np.float32], has_delta: bool) -> LightProbe:
     if level <= 0:
         bands, spectrum = np.zeros(LMAX + 1), np.zeros((LMAX + 1, LMAX + 1), dtype=np.complex128)
         return LightProbe((0.0, 0.0, 0.0), UNRESOLVED if has_delta else 0.0, 0.0, 0.0, 0.0, bands, spectrum, grey)
+    # Spherical harmonics, relative to the mean
     spectrum = coefficients(grey / level)
     return LightProbe(
         mean=(float(mean[0]), float(mean[1]), float(mean[2])),
@@ -129,7 +132,7 @@ def _statistics(image: NDArray[np.float32], has_delta: bool) -> LightProbe:
 
 
 def _peak_share(grey: NDArray[np.float64], weight: NDArray[np.float64]) -> float:
-    """Light from the brightest `SMALL` of the sphere; the texel at its edge counts in part."""
+    """Share of the light from the brightest `SMALL` of the sphere; the last texel counts in part."""
     order = np.argsort(grey, axis=None)[::-1]
     weights = weight.ravel()[order]
     before = np.cumsum(weights) - weights
@@ -144,7 +147,7 @@ def _chroma(image: NDArray[np.float64], weight: NDArray[np.float64]) -> float:
 
 
 def _on_grid(scene: mi.Scene) -> NDArray[np.float32]:
-    """Radiance on a latitude–longitude grid, shape (H, W, 3); what has no extent is not seen."""
+    """Radiance on a latitude–longitude grid, shape (H, W, 3), without sources that have no extent."""
     environment = scene.environment()
     if environment is None:
         return np.zeros((_ROWS, _COLUMNS, 3), dtype=np.float32)
@@ -159,7 +162,7 @@ def _on_grid(scene: mi.Scene) -> NDArray[np.float32]:
 
 
 def _without_losses(scene: mi.Scene, grid: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Put the light that falls between the grid's points into the texel of the brightest direction drawn."""
+    """Add the power missed by the grid to the texel of the brightest sampled direction."""
     u = mi.Point2f(*dr.meshgrid(*[(dr.arange(mi.Float, int(_DRAWS**0.5)) + 0.5) / _DRAWS**0.5] * 2))
     drawn, weight = scene.sample_emitter_direction(dr.zeros(mi.Interaction3f, dr.width(u)), u, False)
     weights = np.array(weight, dtype=np.float64).reshape(3, -1)

@@ -1,4 +1,4 @@
-"""The distant light as a bake keeps it: its picture, and what lobes look up in it."""
+"""Environment as stored with a bake: octahedral image, original image, pyramid levels and irradiance maps."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ RESOLUTION = 512
 """Texels a side: 0.4° each, as fine as an environment map of 1024 × 512."""
 
 DELTA_RESOLUTION = 1024
-"""Texels a side for a material with a delta lobe, which blurs nothing, where the environment is no image itself."""
+"""Texels a side for a material with a delta lobe, if the environment is not an image."""
 
 _SAME = 1e-6
-"""Difference up to which two sets of weights are one: they are stored in float32."""
+"""Tolerance within which two sets of weights are equal: they are stored in float32."""
 
 _LEAST_COLUMNS = 2
-"""Columns of an image, and one row more, below which Mitsuba shows another than was given: it resamples it."""
+"""Columns, and rows less one, below which Mitsuba resamples an image, so that the original must not be used."""
 
 _WAVELENGTHS = 64
-"""Points of the sum over wavelengths, four wavelengths each: 2 nm apart."""
+"""Points of the quadrature over wavelengths, four wavelengths each: 2 nm apart."""
 
-_POINTS = 3  # a side and texel at least, and so many a side and texel of the environment's
+_POINTS = 3  # samples a side of a texel: at least, and per texel of the environment's image
 _MOST_POINTS = 24
 
 
 @dataclass(frozen=True, eq=False)
 class Irradiance:
-    """Light gathered over the cosine lobe of a matte material.
+    """Environment integrated over the cosine lobe of a matte lobe.
 
     Attributes
     ----------
     weights : ndarray, shape (2, 3)
-        Of the bare and the coated cosine lobe, see `rsibr.light.irradiance.irradiance_map`.
+        Weights of the bare and the coated cosine lobe; see `rsibr.light.irradiance.irradiance_map`.
     image : ndarray, shape (N, N, 3), float32
-        Octahedral, by the surface normal.
+        Radiance [W sr⁻¹ m⁻²], octahedral, indexed by the surface normal.
     """
 
     weights: NDArray[np.float64]
@@ -55,20 +55,20 @@ class Irradiance:
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """What a bake keeps of its environment.
+    """Environment of a bake.
 
     Attributes
     ----------
     picture : ndarray, shape (R, R, 3), float32
-        Mean radiance [W sr⁻¹ m⁻²] over octahedral texels; see `light_map`. What wide lobes are blurred from.
+        Mean radiance [W sr⁻¹ m⁻²] over octahedral texels; see `light_map`. Source of the environment pyramid.
     image : ndarray, shape (H, W, 3), float32, or None
-        The environment's own latitude–longitude image, for a delta lobe shows every texel of it: column i at
-        u = (i+½)/W, row j at v = j/(H−1). None where there is no delta lobe, or no image.
+        Original latitude–longitude image, kept for a delta lobe, which reflects it at full resolution: column i at
+        u = (i+½)/W, row j at v = j/(H−1). None without a delta lobe or without an image.
     frame : ndarray, shape (3, 3)
-        Axes of the image in world coordinates: +Y is up in it, and its column u = 0 lies at −Z.
+        Axes of the image in world coordinates, in columns: +Y is up, and u = 0 lies at −Z.
     levels : tuple of ndarray, shape (R_k, R_k, 3), float32
-        Levels 1, 2, … of its pyramid, see `rsibr.light.environment_pyramid.blurred_levels`; none where nothing glossy
-        looks them up.
+        Levels 1, 2, … of the environment pyramid, see `rsibr.light.environment_pyramid.blurred_levels`; empty without a
+        glossy lobe.
     irradiances : tuple of Irradiance
         One for each matte lobe.
     """
@@ -86,21 +86,21 @@ class Light:
         return sum(image.nbytes for image in images) + (0 if self.image is None else self.image.nbytes)
 
     def with_tables(self, *, glossy: bool, matte: Sequence[NDArray[np.float64]]) -> Light:
-        """Return the same light with what lobes look up in it, so that no reconstruction computes it again.
+        """Return the same environment with its pyramid levels and irradiance maps, which reconstructions then reuse.
 
         Parameters
         ----------
         glossy : bool
-            Whether a lobe looks up the pyramid's levels.
+            Whether a lobe is glossy and needs the levels of the pyramid.
         matte : sequence of ndarray, shape (2, 3)
-            Weights of each matte lobe; see `rsibr.light.irradiance.irradiance_map`.
+            Weights of the bare and the coated part of each matte lobe; see `rsibr.light.irradiance.irradiance_map`.
         """
         levels = tuple(blurred_levels(self.picture)) if glossy else ()
         maps = tuple(Irradiance(weights, irradiance_map(self.picture, weights)) for weights in matte)
         return replace(self, levels=levels, irradiances=maps)
 
     def irradiance(self, weights: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Irradiance map for a matte lobe with these `weights`, shape (2, 3): the one at hand, or computed."""
+        """Irradiance map for a matte lobe with these `weights`, shape (2, 3): stored, or computed."""
         for known in self.irradiances:
             if np.allclose(known.weights, weights, rtol=_SAME, atol=_SAME):
                 return known.image
@@ -108,14 +108,15 @@ class Light:
 
 
 def light_of(environment: Environment, with_image: bool) -> Light:
-    """Look at an environment from all sides.
+    """Evaluate an environment in all directions.
 
     Parameters
     ----------
     environment : Environment
-        Of the bake; RGB, or in the variant that is set.
+        Environment of the bake, evaluated in the current variant of Mitsuba.
     with_image : bool
-        Whether its image is wanted as it is, or in place of one that it does not have a finer picture.
+        Whether to keep its original image or, if it has none, to raise the resolution of `picture` to
+        `DELTA_RESOLUTION`: what a delta lobe needs.
     """
     emitter, width, image, frame = environment.emitter(), environment.width, environment.image, environment.frame
     if not with_image:
@@ -126,39 +127,39 @@ def light_of(environment: Environment, with_image: bool) -> Light:
 
 
 def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUTION) -> NDArray[np.float32]:
-    """Mean radiance of the light over each texel.
+    """Mean radiance of an emitter over each texel of an octahedral image.
 
     Parameters
     ----------
     emitter : dict
         Mitsuba emitter at infinity.
     width : int
-        Columns of its image, if it has one: finer images are looked up at more points.
+        Columns of its image, or 0; a finer image is supersampled more.
     resolution : int
         Texels a side, R.
 
     Returns
     -------
     ndarray, shape (R, R, 3), float32
-        Radiance [W sr⁻¹ m⁻²]; see `rsibr.geometry.projections.octahedral`. Black where the emitter is no
-        environment, such as `directional`.
+        Radiance [W sr⁻¹ m⁻²]; see `rsibr.geometry.projections.octahedral`. Black if the emitter has no extent, such as
+        `directional`.
     """
     environment = mi.load_dict({"type": "scene", "light": emitter}).environment()
     if environment is None:
         return np.zeros((resolution, resolution, 3), dtype=np.float32)
     finer = math.ceil(_POINTS * width / (math.sqrt(math.pi) * resolution))  # a texel's angle over 2π/width
     points = min(max(_POINTS, finer), _MOST_POINTS)
-    total = dr.zeros(mi.Color3f, resolution**2)  # a constant emitter answers for all lanes at once
+    total = dr.zeros(mi.Color3f, resolution**2)  # a constant emitter returns one lane for all
     offsets = (np.arange(points) + 0.5) / points
     for right in offsets:
-        for down in offsets:  # a pass a point, lest a fine environment fills the memory
+        for down in offsets:  # one pass a sample, to bound the memory
             total += _radiance(environment, texel_directions(resolution, float(right), float(down)))
             dr.eval(total)
     return np.array(total / points**2, dtype=np.float32).T.reshape(resolution, resolution, 3)
 
 
 def _radiance(environment: mi.Emitter, d: mi.Vector3f) -> mi.Color3f:
-    """Light from the direction `d`; in spectral rendering as an observer sees it, summed over wavelengths."""
+    """Radiance from the direction `d`; in spectral rendering, integrated to linear RGB."""
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(d))
     si.wi = -d
     if not mi.is_spectral:

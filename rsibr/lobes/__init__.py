@@ -1,1 +1,1 @@
-"""What a material reflects, lobe by lobe: fit, exact split, directional albedo, Gaussians over slopes."""
+"""Lobes of a material: basis, fit, exact split, directional albedo, mixtures of Gaussians over slopes."""

@@ -1,7 +1,8 @@
-"""Albedos under the light's own spectrum: what a lobe's RGB must be for maps that are rendered in spectra.
+"""Lobe albedos under the environment's spectrum, for maps that are rendered spectrally.
 
-An albedo that RGB rendering gives holds under daylight. Maps in spectra show each lobe's spectrum times the light's;
-what is carried from view to view in RGB is their colour over that of the light, with one spectrum for the whole sky.
+An albedo from RGB rendering holds under daylight. A spectrally rendered map holds the colour of the lobe's spectrum
+times that of the light. Its RGB albedo is that colour over the colour of the light, with one mean spectrum for the
+whole sky.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.backend import Rendering
 from rsibr.geometry.to_device import to_device
-from rsibr.lobes.albedo import albedo_tables, delta_reflectance, low_discrepancy, over_disk
+from rsibr.lobes.albedo import albedo_tables, delta_reflectance, over_disk
 from rsibr.lobes.bsdf_eval import interaction
+from rsibr.lobes.low_discrepancy import device_square
 from rsibr.lobes.split import Lobe, LobeSplit
 from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material
@@ -28,14 +30,14 @@ from rsibr.scene.wavelengths import Wavelengths
 Array = NDArray[np.float64]
 
 _FINE = np.linspace(360.0, 830.0, 472)
-"""Wavelengths [nm] at which the light is looked at: a lamp may have lines."""
+"""Wavelengths [nm] at which the light is evaluated; fine, because lamps may have lines."""
 
 _COARSE = np.linspace(360.0, 830.0, 64)
-"""Wavelengths [nm] at which the material is; linear between them."""
+"""Wavelengths [nm] at which the material is evaluated; linear between them."""
 
 _DIRECTIONS = 2**8
-_POINTS = 2**10  # fewer than for a table of RGB: what both have in common cancels out of their ratio
-_LEAST = 1e-2  # share of the luminance below which a channel of the light is not divided by
+_POINTS = 2**10  # fewer than for an RGB table: common quadrature errors cancel in the ratio of two albedos
+_LEAST = 1e-2  # share of the luminance below which a channel of the light is too dark to divide by
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _TINY = 1e-6
 
@@ -43,22 +45,22 @@ _TINY = 1e-6
 def adapted_lobes(
     split: LobeSplit, environment: Environment, material: Material, rendering: Rendering
 ) -> Sequence[Lobe]:
-    """Lobes of a material as maps show them that are rendered so: those of `split` themselves in RGB.
+    """Lobes with the albedos that maps of the given rendering show.
 
     Parameters
     ----------
     split : LobeSplit
-        Of the material, in RGB.
+        Lobes of the material in RGB.
     environment, material
-        The scene.
+        Environment and material of the scene.
     rendering : {"rgb", "spectral", "spectral_polarized"}
-        Of the maps.
+        Rendering of the maps.
 
     Returns
     -------
     sequence of Lobe
-        With their albedos, and the colours of what stands in for them, under the mean spectrum of the light. In a
-        channel in which the light has next to nothing they are those of luminance.
+        In RGB those of `split`. Otherwise with albedos and proxy coefficients under the mean spectrum of the light; in
+        a channel where the light has almost no power, those of the luminance.
     """
     if rendering == "rgb" or environment.is_black:
         return split.lobes
@@ -75,7 +77,7 @@ def adapted_lobes(
 
 @dataclass(frozen=True)
 class _Observed(Wavelengths):
-    """Four of the coarse wavelengths, and what radiance at each adds to a channel, over the light's own."""
+    """Four of the coarse wavelengths, and the response of each channel at them, normalised by the light's."""
 
     response: list[mi.UnpolarizedSpectrum]
 
@@ -85,16 +87,18 @@ class _Observed(Wavelengths):
 
 @dataclass(frozen=True)
 class _InSpectra:
-    """The lobes of a material as an observer sees them by one light; see `albedo_tables`.
+    """Lobes of a material in linear RGB under one spectrum of light; input of `albedo_tables`.
 
     Attributes
     ----------
     bsdf : mi.BSDF
+        The material in the current variant.
     split : LobeSplit
+        Its lobes.
     response : ndarray, shape (4, wavelengths)
-        The coarse wavelengths, and the response of each channel to what is reflected there.
+        The coarse wavelengths [nm], and the response of red, green and blue to reflected light at each.
     count : int
-        Lobes that are no delta.
+        Number of lobes that are not delta lobes.
     """
 
     bsdf: mi.BSDF
@@ -103,7 +107,7 @@ class _InSpectra:
     count: int
 
     def parts(self, wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
-        """BRDF times cosine [sr⁻¹] of each lobe that is no delta."""
+        """BRDF times cosine [sr⁻¹] of each lobe that is not a delta lobe."""
 
         def seen(observed: _Observed) -> list[mi.Color3f]:
             value = mi.unpolarized_spectrum(self.bsdf.eval(mi.BSDFContext(), interaction(wo, observed.nm), wi))
@@ -112,7 +116,7 @@ class _InSpectra:
         return self._summed(seen, self.count)
 
     def mirror_albedo(self) -> Array:
-        """Reflectance of the delta component over the viewing angle, shape (NODES, 3)."""
+        """Reflectance of the delta lobe by view angle, shape (NODES, 3)."""
 
         def seen(observed: _Observed) -> list[mi.Color3f]:
             return [observed.seen(delta_reflectance(self.bsdf, observed.nm))]
@@ -120,7 +124,7 @@ class _InSpectra:
         return np.array(self._summed(seen, 1)[0], dtype=np.float64).T
 
     def _summed(self, seen: Callable[[_Observed], list[mi.Color3f]], count: int) -> list[mi.Color3f]:
-        """Sum over all wavelengths of what is seen of four of them."""
+        """Sum of `seen` over all wavelengths, four at a time."""
         table = [to_device(mi.Float, row.astype(np.float32)) for row in self.response]
 
         def body(place: mi.UInt32, total: list[mi.Color3f]) -> tuple[mi.UInt32, list[mi.Color3f]]:
@@ -137,7 +141,7 @@ class _InSpectra:
 
 
 def _adapted(lobe: Lobe, before: Array, after: Array) -> Lobe:
-    """Carry the ratio of two albedos over to the lobe: to its table, and on average to the colours of its stand-in."""
+    """Scale a lobe's albedo table by after/before, and its proxy's coefficients by the mean of that ratio."""
     factor = np.where(before > _TINY, np.maximum(after, 0) / np.maximum(before, _TINY), 1.0)
     albedo = lobe.albedo * factor
     tint = over_disk(albedo) / np.maximum(over_disk(lobe.albedo), _TINY)
@@ -148,9 +152,9 @@ def _adapted(lobe: Lobe, before: Array, after: Array) -> Lobe:
 
 
 def _response(emitter: dict[str, Any]) -> Array:
-    """Response of each channel to what is reflected at the coarse wavelengths, after these; shape (4, 64).
+    """Coarse wavelengths [nm], and the response of each channel to light reflected at them; shape (4, 64).
 
-    A linear interpolation between them, times light and observer, summed: each row adds up to one.
+    Light times observer, integrated against the hat functions of a linear interpolation; each channel sums to one.
     """
     observer = np.array(mi.xyz_to_srgb(mi.cie1931_xyz(to_device(mi.Float, _FINE.astype(np.float32)))), dtype=np.float64)
     hats = np.stack([np.interp(_FINE, _COARSE, row) for row in np.eye(len(_COARSE))], axis=1)
@@ -162,14 +166,14 @@ def _response(emitter: dict[str, Any]) -> Array:
 
 
 def _mean_spectrum(emitter: dict[str, Any]) -> Array:
-    """Irradiance at the fine wavelengths from all around, up to a factor."""
+    """Mean spectrum of the light over all directions at the fine wavelengths, up to a factor."""
     scene = mi.load_dict({"type": "scene", "light": emitter})
     sets = len(_FINE) // 4
     lanes = dr.arange(mi.UInt32, sets * _DIRECTIONS)
     nm = to_device(mi.Float, _FINE.astype(np.float32))
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(lanes))
     si.wavelengths = mi.UnpolarizedSpectrum([dr.gather(mi.Float, nm, lanes // _DIRECTIONS * 4 + k) for k in range(4)])
-    u = dr.gather(mi.Point2f, low_discrepancy(_DIRECTIONS), lanes % _DIRECTIONS)
+    u = dr.gather(mi.Point2f, device_square(_DIRECTIONS), lanes % _DIRECTIONS)
     _, weight = scene.sample_emitter_direction(si, u, test_visibility=False)
     radiance = mi.unpolarized_spectrum(weight)
     means = [np.array(dr.block_sum(channel + dr.zeros(mi.Float, dr.width(lanes)), _DIRECTIONS)) for channel in radiance]

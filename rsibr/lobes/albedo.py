@@ -1,4 +1,4 @@
-"""Directional albedo of each lobe of a material, as a table over the viewing angle."""
+"""Directional albedo of each lobe of a material, tabulated by view angle."""
 
 from __future__ import annotations
 
@@ -11,26 +11,27 @@ from numpy.typing import NDArray
 
 from rsibr.geometry.to_device import to_device
 from rsibr.lobes.bsdf_eval import interaction
-from rsibr.lobes.low_discrepancy import sobol
+from rsibr.lobes.low_discrepancy import device_square
+from rsibr.lobes.microfacet import ggx_density
 
 NODES = 65
-"""Entries of a table, even in √cos θ: closest together at grazing angles, where an albedo bends most."""
+"""Entries of a table, uniform in √cos θ: densest at grazing angles, where albedos vary most."""
 
 POINTS = 2**12
-"""Directions of the light at each entry, in each of the ways to draw them."""
+"""Directions of the light at each entry, for each sampling density."""
 
-_WIDTHS = (0.005, 0.02, 0.08, 0.3)  # of the microfacet lobes that are sampled beside the cosine lobe
+_WIDTHS = (0.005, 0.02, 0.08, 0.3)  # roughness α of the GGX lobes that are sampled besides the cosine lobe
 
 
 class Lobed(Protocol):
-    """What a table asks of a material."""
+    """Protocol of a material whose lobes can be evaluated."""
 
     def parts(self, wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
         """BRDF times cosine of each lobe [sr⁻¹]."""
 
 
 def node_cosines() -> NDArray[np.float64]:
-    """Cosines of the viewing angle at the nodes, shape (NODES,), from grazing (slightly above 0) to head-on."""
+    """Cosines of the view angle at the nodes, shape (NODES,), from grazing (slightly above 0) to normal incidence."""
     return np.maximum(np.linspace(0, 1, NODES) ** 2, 1e-5)
 
 
@@ -40,33 +41,33 @@ def albedo_tables(material: Lobed, points: int = POINTS) -> list[NDArray[np.floa
     Parameters
     ----------
     material : Lobed
-        Its lobes; delta components do not take part.
+        Source of the lobes; delta lobes are not included.
     points : int
-        Directions of the light at each angle and in each way to draw them, a power of two.
+        Directions of the light at each angle and for each sampling density, a power of two.
 
     Returns
     -------
     list of ndarray, each of shape (NODES, 3)
-        Albedos, one table a lobe.
+        Albedos E_k in [0, 1], from grazing to normal incidence, one table a lobe.
 
     Notes
     -----
-    Quadrature, not noise: the same low-discrepancy points at every angle, drawn from a mixture of a cosine lobe and
-    microfacet lobes of several widths and weighted by the balance heuristic (Veach 1997, section 9.2), so that every
-    width of lobe is resolved and what error is left varies smoothly with the angle.
+    Quasi-Monte Carlo with the same low-discrepancy points at every angle, drawn from a mixture of a cosine lobe and GGX
+    lobes of several widths, with the MIS weights of the balance heuristic (Veach 1997, section 9.2). Lobes of every
+    width are resolved, and the error varies smoothly with the angle.
     """
     lanes = dr.arange(mi.UInt32, NODES * points)
     cosine = dr.gather(mi.Float, to_device(mi.Float, node_cosines().astype(np.float32)), lanes // points)
     wo = mi.Vector3f(dr.sqrt(1 - cosine * cosine), 0, cosine)
-    u = dr.gather(mi.Point2f, low_discrepancy(points), lanes % points)
+    u = dr.gather(mi.Point2f, device_square(points), lanes % points)
     total = _albedos(material, wo, mi.warp.square_to_cosine_hemisphere(u), points)
-    for width in _WIDTHS:  # one kernel for all: their number is opaque, and a BSDF is long to compile
+    for width in _WIDTHS:  # opaque α: one kernel for all, as BSDFs compile slowly
         total = total + _albedos(material, wo, _around_mirror(u, wo, dr.opaque(mi.Float, width)), points)
     return list(total)
 
 
 def _albedos(material: Lobed, wo: mi.Vector3f, wi: mi.Vector3f, points: int) -> NDArray[np.float64]:
-    """Part of the albedos that directions `wi` drawn in one way bring in, shape (lobes, NODES, 3)."""
+    """Contribution to the albedos of directions `wi` drawn from one density, shape (lobes, NODES, 3)."""
     weight = dr.select(wi.z > 0, 1 / _density(wi, wo), 0)
     parts = [channel for part in material.parts(wi, wo) for channel in dr.select(weight > 0, part * weight, 0)]
     dr.eval(parts)
@@ -74,18 +75,13 @@ def _albedos(material: Lobed, wo: mi.Vector3f, wi: mi.Vector3f, points: int) -> 
     return np.stack(sums).reshape(-1, 3, NODES).swapaxes(1, 2)
 
 
-def low_discrepancy(points: int) -> mi.Float:
-    """The same points of the unit square at every angle: what error they leave varies smoothly with it."""
-    return to_device(mi.Float, sobol(2, points, seed=11).astype(np.float32))
-
-
 def mirror_albedo(bsdf: mi.BSDF) -> NDArray[np.float64]:
-    """Reflectance of the delta component over the viewing angle in RGB rendering, shape (NODES, 3)."""
+    """Reflectance of the delta lobe by view angle in RGB rendering, shape (NODES, 3)."""
     return np.array(delta_reflectance(bsdf), dtype=np.float64).reshape(3, -1).T
 
 
 def delta_reflectance(bsdf: mi.BSDF, wavelengths: mi.Spectrum | None = None) -> mi.UnpolarizedSpectrum:
-    """Reflectance of the delta component at the nodes of the viewing angle; in spectra at wavelengths [nm]."""
+    """Reflectance of the delta lobe at the nodes; in spectral rendering at `wavelengths` [nm]."""
     cosines = mi.Float(node_cosines().astype(np.float32))
     context = mi.BSDFContext()
     context.type_mask = int(mi.BSDFFlags.DeltaReflection)
@@ -104,17 +100,15 @@ def _around_mirror(u: mi.Point2f, wo: mi.Vector3f, alpha: mi.Float) -> mi.Vector
 
 
 def _density(wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
-    """Sum of the densities [sr⁻¹] of all the ways to draw `wi`."""
+    """Sum of all sampling densities [sr⁻¹] at `wi`."""
     density = dr.maximum(wi.z, 0) * dr.inv_pi
     h = dr.normalize(wi + wo)
     for alpha in _WIDTHS:
-        base = h.z * h.z * (alpha * alpha - 1) + 1
-        distribution = alpha * alpha / (dr.pi * base * base)
-        density += distribution * dr.maximum(h.z, 0) / (4 * dr.maximum(dr.abs(dr.dot(h, wo)), 1e-6))
+        density += ggx_density(h.z, alpha) * dr.maximum(h.z, 0) / (4 * dr.maximum(dr.abs(dr.dot(h, wo)), 1e-6))
     return dr.maximum(density, 1e-20)
 
 
 def over_disk(table: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean over the disk of a sphere map of what is given at the nodes of the viewing angle: ∫ 2 cos θ E d cos θ."""
+    """Mean over the disk of a sphere map of a table by view angle, shape (NODES, …): ∫ 2 cos θ E d cos θ."""
     squares = node_cosines() ** 2
     return np.asarray(np.trapezoid(table, squares, axis=0) / (squares[-1] - squares[0]))

@@ -1,4 +1,4 @@
-"""Evaluates a material by itself: any Mitsuba BSDF, in its own frame, one pair of directions a lane."""
+"""Evaluation of a Mitsuba BSDF in its local frame, one pair of directions a lane."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 RETRO_RATIO = 1.5
-"""Straight back over sideways, from which on a material counts as retroreflective."""
+"""Threshold of `retro_ratio` above which a material counts as retroreflective."""
 
 
 def interaction(wo: mi.Vector3f, wavelengths: mi.Spectrum | None = None) -> mi.SurfaceInteraction3f:
-    """Point of a surface whose normal is +z, seen from `wo`.
+    """Surface interaction with the normal +z, seen from `wo`.
 
     Parameters
     ----------
     wo : mi.Vector3f
-        Unit directions to the viewer in the surface's frame. Mitsuba calls this direction `wi`: it traces paths from
-        the camera.
+        Unit directions to the viewer in the surface's frame. Mitsuba, which traces paths from the camera, calls this
+        direction `wi`.
     wavelengths : mi.Spectrum, optional
         Wavelengths [nm] of each lane, in spectral rendering.
     """
@@ -33,7 +33,7 @@ def interaction(wo: mi.Vector3f, wavelengths: mi.Spectrum | None = None) -> mi.S
 
 
 def only(component: int) -> mi.BSDFContext:
-    """Context in which a BSDF answers for one component alone."""
+    """BSDF context that selects one component."""
     context = mi.BSDFContext()
     context.component = component
     return context
@@ -42,7 +42,7 @@ def only(component: int) -> mi.BSDFContext:
 def reflected(
     bsdf: mi.BSDF, wi: NDArray[np.float64], wo: NDArray[np.float64], component: int | None = None
 ) -> NDArray[np.float64]:
-    """BRDF times cosine.
+    """BRDF times cosine, on the host.
 
     Parameters
     ----------
@@ -51,23 +51,24 @@ def reflected(
     wi, wo : ndarray, shape (n, 3)
         Unit directions to the light and to the viewer in the surface's frame.
     component : int, optional
-        Only this component; by default all.
+        Index of the only component to evaluate; by default all.
 
     Returns
     -------
     ndarray, shape (n, 3)
-        f(wi, wo) cos θ_i [sr⁻¹], Rec.709; delta components do not count.
+        f(wi, wo) cos θ_i [sr⁻¹], linear Rec.709, without delta components.
     """
     context = mi.BSDFContext() if component is None else only(component)
     value = bsdf.eval(context, interaction(mi.Vector3f(wo.T.astype(np.float32))), mi.Vector3f(wi.T.astype(np.float32)))
     found = np.array(value, dtype=np.float64).reshape(3, -1).T
-    return np.broadcast_to(found, (len(wi), 3))  # a BSDF may answer for all lanes at once
+    return np.broadcast_to(found, (len(wi), 3))  # a BSDF may return one lane for all
 
 
 def retro_ratio(bsdf: mi.BSDF) -> float:
-    """BRDF straight back over that at the same angle to the side, at 60°.
+    """BRDF toward the light over that at the same polar angle and 90° azimuth, at 60°.
 
-    Equal for a matte base, and both far from the mirror direction of a glossy one: what is more comes straight back.
+    The ratio is 1 for a Lambertian base, and both directions are far from the mirror direction of a glossy lobe, so
+    that a larger ratio means retroreflection.
     """
     sine, cosine = np.sqrt(0.75), 0.5
     wo = np.array([[sine, 0.0, cosine]] * 2)

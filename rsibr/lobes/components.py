@@ -1,4 +1,4 @@
-"""The components of a BSDF that Mitsuba evaluates one at a time: exact lobes, where a material has them."""
+"""Components of a BSDF that Mitsuba can evaluate separately: an exact split into lobes, if available."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rsibr.lobes.bsdf_eval import interaction, only, reflected
 
 LEAST_SHARE = 5e-3
-"""Share of the reflected energy below which nothing gets a lobe of its own."""
+"""Share of the reflected energy below which a component or cluster gets no lobe of its own."""
 
 _ROUNDING = 1e-5
 _TINY = 1e-30
@@ -19,22 +19,22 @@ _TINY = 1e-30
 def told_apart(
     bsdf: mi.BSDF, wi: NDArray[np.float64], wo: NDArray[np.float64], density: NDArray[np.float64]
 ) -> list[int]:
-    """Smooth components of a BSDF that have a lobe each, where they can be had one at a time.
+    """Smooth components of a BSDF that get a lobe each, if Mitsuba evaluates them separately.
 
     Parameters
     ----------
     bsdf : mi.BSDF
-        Any BSDF; delta components do not take part.
+        Any BSDF; delta components are ignored.
     wi, wo : ndarray, shape (n, 3)
-        Unit directions to the light and to the viewer at which it is probed.
+        Unit directions to the light and to the viewer at which the BSDF is evaluated.
     density : ndarray, shape (n,)
         Density [sr⁻¹] with which the light directions were drawn.
 
     Returns
     -------
     list of int
-        Indices as `mi.BSDFContext.component` takes them; empty where they do not add up to the whole: `principled`
-        answers with all of itself whichever component it is asked for.
+        Indices for `mi.BSDFContext.component`; empty if the components do not add up to the BSDF: `principled` ignores
+        the selected component.
     """
     whole = reflected(bsdf, wi, wo)
     parts = [reflected(bsdf, wi, wo, component) for component in range(bsdf.component_count())]
@@ -52,7 +52,7 @@ def component_shares(
     wo: mi.Vector3f,
     wavelengths: mi.Spectrum | None = None,
 ) -> list[mi.UnpolarizedSpectrum]:
-    """Share f_i/f of each component in what a material reflects.
+    """Share f_i/f of each component in the BSDF.
 
     Parameters
     ----------
@@ -68,8 +68,8 @@ def component_shares(
     Returns
     -------
     list of mi.UnpolarizedSpectrum
-        Non-negative, sum 1 in each channel, or at each wavelength: the first takes what the others leave, and all where
-        nothing is reflected. With polarisation, shares of what unpolarised light becomes.
+        Non-negative, sum 1 in each channel or at each wavelength. The first component is one minus the others, and 1
+        where the BSDF is 0. With polarisation, shares for unpolarised incident light.
     """
     si = interaction(wo, wavelengths)
     whole = mi.unpolarized_spectrum(bsdf.eval(mi.BSDFContext(), si, wi))

@@ -1,7 +1,7 @@
-"""Which facets of a surface are seen to shine at each angle: how many, where their middle lies, how far they spread.
+"""Energy, mean and standard deviation of the visible microfacet lobe, by view angle.
 
-At an angle some facets are hidden, and some mirror the viewer into the ground. What is left of a Gaussian of facets is
-narrower, and its middle leans toward the viewer: the lobe's own central direction lies above the mirror direction.
+At an oblique angle some microfacets are masked, and some reflect below the horizon. The visible part of a Gaussian over
+slopes is narrower, and its mean leans toward the viewer: the off-specular peak of the lobe.
 """
 
 from __future__ import annotations
@@ -12,36 +12,37 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.refraction import emerging, refracted
 from rsibr.lobes.basis import COAT_IOR
 from rsibr.lobes.gaussians import Gaussians, LobeShape
+from rsibr.lobes.microfacet import LEAST_COSINE, schlick, smith_denominator, transmitted
 
 NODES = 33
-"""Angles, even in √cos θ."""
+"""View angles, uniform in √cos θ."""
 
 Array = NDArray[np.float64]
 
 _Seen = Callable[[Array, Array, float], tuple[Array, Array]]
-"""(viewer, facets, roughness) → share of the light that each facet sends to the viewer; the facets on the surface."""
+"""(viewer, microfacets, α) → share of the light that each reflects to the viewer; equivalent microfacets outside."""
 
-_LEAST_COSINE = 2e-3
-_RADII, _TURNS = 24, 24  # of the quadrature over a Gaussian
+_GRAZING_NODE = 2e-3  # cosine of the first node: at 0 every microfacet is masked
+_RADII, _TURNS = 24, 24  # points of the quadrature over a Gaussian
 _NARROWEST = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
 class FacetMoments:
-    """What is seen of one Gaussian of facets at each angle of `cosines`.
+    """Moments of one Gaussian over microfacet slopes at each view angle of `cosines`.
 
     Attributes
     ----------
     weight : ndarray, shape (NODES, 3)
-        Light reflected under an even sky, in each channel, up to a factor that all Gaussians of a lobe share.
+        Energy: light reflected under a constant sky, in each channel, up to a factor common to the lobe's Gaussians.
     lean : ndarray, shape (NODES,)
-        Angle [rad] by which the middle of the facets leans from the normal toward the viewer, where facets count by the
-        area that the viewer sees of them (h·v).
+        Mean tilt [rad] of the microfacets from the normal toward the viewer, weighted by their projected area (h·v).
     width : ndarray, shape (NODES,)
-        Standard deviation [rad] of the facets' normals around it: geometric mean of those along and across the plane
-        of incidence.
+        Standard deviation [rad] of the microfacet normals around the mean: geometric mean of those along and across the
+        plane of incidence.
     """
 
     weight: Array
@@ -50,17 +51,27 @@ class FacetMoments:
 
 
 def cosines() -> Array:
-    """Cosines of the angle between normal and viewer at the nodes, from grazing to head-on."""
-    return np.maximum(np.linspace(0, 1, NODES) ** 2, _LEAST_COSINE)
+    """Cosines of the view angle at the nodes, shape (NODES,), from grazing to normal incidence."""
+    return np.maximum(np.linspace(0, 1, NODES) ** 2, _GRAZING_NODE)
 
 
 def facet_moments(kernel: LobeShape) -> list[FacetMoments]:
-    """Moments of each Gaussian of a glossy lobe's kernel.
+    """Moments of each Gaussian of a glossy lobe.
+
+    Parameters
+    ----------
+    kernel : LobeShape
+        Shape of the lobe.
+
+    Returns
+    -------
+    list of FacetMoments
+        Those of the bare Gaussians, then of the coated ones.
 
     Notes
     -----
     Quadrature over slopes of F G₂ (h·v)/(cos θ_o cos θ_h), the reflected light of a microfacet surface (Walter et al.
-    2007, eq. 20 and 38, in slopes); under a coat in the refracted directions, as `proxy.coated_ggx` has it.
+    2007, eq. 20 and 38, in slopes); under a coat in the refracted directions, as in `rsibr.lobes.basis.coated_ggx`.
     """
     return [
         *_moments(kernel.bare, kernel.alpha, _seen_bare),
@@ -76,16 +87,19 @@ def _moments(gaussians: Gaussians, alpha: float, seen: _Seen) -> list[FacetMomen
 
 
 def _of_one(sigma: float, plain: Array, grazing: Array, alpha: float, seen: _Seen) -> FacetMoments:
+    # Quadrature over the Gaussian of slopes: equal-probability rings times azimuths
     quantile = (np.arange(_RADII) + 0.5) / _RADII
     radius = max(sigma, _NARROWEST) * np.sqrt(-2 * np.log1p(-quantile))[:, None]
     turn = (np.arange(_TURNS) + 0.5) * 2 * np.pi / _TURNS
     slopes = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.ones((_RADII, _TURNS))], axis=-1)
     facet = slopes / np.linalg.norm(slopes, axis=-1, keepdims=True)
+    # Share of each microfacet at each view angle, and its weight by projected area
     cosine = cosines()
     viewer = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, cosine], axis=-1)[:, None, None]  # (NODES, 1, 1, 3)
     share, outer = seen(viewer, facet, alpha)
     toward = np.maximum((outer * viewer).sum(axis=-1), 1e-3)
-    grazed = (1 - np.minimum(toward, 1)) ** 5
+    grazed = schlick(toward, np)
+    # Energy, then mean and width
     mean = (share.mean(axis=(1, 2)), (share * grazed).mean(axis=(1, 2)))
     weight = mean[0][:, None] * plain + mean[1][:, None] * grazing
     lean, width = _middle(outer, share / toward * (plain.mean() + grazing.mean() * grazed))
@@ -93,7 +107,7 @@ def _of_one(sigma: float, plain: Array, grazing: Array, alpha: float, seen: _See
 
 
 def _middle(facet: Array, share: Array) -> tuple[Array, Array]:
-    """Mean along the plane of incidence, and standard deviation, of facets in the tangent plane's angles."""
+    """Mean tilt in the plane of incidence, and standard deviation, of microfacet normals [rad]."""
     lateral = np.hypot(facet[..., 0], facet[..., 1])
     angle = np.arctan2(lateral, facet[..., 2]) / np.maximum(lateral, 1e-12)
     along, across = facet[..., 0] * angle, facet[..., 1] * angle
@@ -108,35 +122,31 @@ def _middle(facet: Array, share: Array) -> tuple[Array, Array]:
 
 
 def _seen_bare(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
-    """Share of the light that a facet on the surface sends to the viewer; the facet."""
+    """Share of the light that a microfacet on the surface reflects to the viewer; the microfacet."""
     share, _ = _reflected(viewer, facet, alpha)
     return share, np.broadcast_to(facet, (*share.shape, 3))
 
 
 def _seen_coated(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
-    """The same of a facet under the coat, and the facet on the surface that would mirror into the same direction."""
-    below = _refracted(viewer)
+    """The same for a microfacet under the coat, and the microfacet outside that reflects into the same direction."""
+    below, _ = _direction(*refracted(viewer[..., 0], viewer[..., 1], COAT_IOR))
     share, light = _reflected(below, facet, alpha)
-    lateral = light[..., :2] * COAT_IOR
-    height = 1 - (lateral**2).sum(axis=-1)  # below zero the light is reflected totally
-    outer_light = np.concatenate([lateral, np.sqrt(np.maximum(height, 1e-6))[..., None]], axis=-1)
-    transmitted = (1 - (1 - outer_light[..., 2]) ** 5) * (1 - (1 - viewer[..., 2]) ** 5)
+    outer_light, escapes = _direction(*emerging(light[..., 0], light[..., 1], COAT_IOR))
+    through = transmitted(outer_light[..., 2], np) * transmitted(viewer[..., 2], np)
     half = outer_light + viewer
     half /= np.linalg.norm(half, axis=-1, keepdims=True)
-    return np.where(height > 0, share * transmitted, 0.0), half
+    return np.where(escapes, share * through, 0.0), half
 
 
 def _reflected(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
-    """Share of the light, and where it comes from; height-correlated shadowing after Heitz (2014), eq. 99."""
+    """Share of the light that a microfacet reflects to the viewer, and the direction to that light."""
     toward = (facet * viewer).sum(axis=-1)
     light = 2 * toward[..., None] * facet - viewer
-    cos_i, cos_o = np.maximum(light[..., 2], 1e-6), viewer[..., 2]
-    shadow_i = cos_o * np.sqrt(alpha**2 + (1 - alpha**2) * cos_i**2)
-    shadow_o = cos_i * np.sqrt(alpha**2 + (1 - alpha**2) * cos_o**2)
-    share = 2 * cos_i * toward / ((shadow_i + shadow_o) * facet[..., 2])
+    cos_i, cos_o = np.maximum(light[..., 2], LEAST_COSINE), viewer[..., 2]
+    share = 2 * cos_i * toward / (smith_denominator(cos_i, cos_o, alpha, np) * facet[..., 2])
     return np.where((toward > 0) & (light[..., 2] > 0), share, 0.0), light
 
 
-def _refracted(w: Array) -> Array:
-    lateral = w[..., :2] / COAT_IOR
-    return np.concatenate([lateral, np.sqrt(1 - (lateral**2).sum(axis=-1))[..., None]], axis=-1)
+def _direction(x: Array, y: Array, height_squared: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Unit direction from what `refracted` and `emerging` return, and whether it passes the interface."""
+    return np.stack([x, y, np.sqrt(np.maximum(height_squared, 1e-6))], axis=-1), height_squared > 0

@@ -1,4 +1,4 @@
-"""Fits proxy lobes to any isotropic BRDF, each colour channel by itself."""
+"""Fit of proxy lobes to an isotropic BRDF, one colour channel at a time."""
 
 from __future__ import annotations
 
@@ -15,41 +15,42 @@ from rsibr.lobes.basis import LAMBERT, lobe_values
 from rsibr.lobes.bsdf_eval import reflected
 from rsibr.lobes.components import LEAST_SHARE, told_apart
 from rsibr.lobes.low_discrepancy import sobol
+from rsibr.lobes.microfacet import ggx_density
 
 ROUGHNESSES: tuple[float, ...] = (LAMBERT, *np.geomspace(0.004, 1.0, 24).tolist())
-"""Lobes that a fit may use."""
+"""Roughness α of the dictionary's lobes."""
 
 COSINES_OUT = (0.98, 0.8, 0.6, 0.4, 0.25, 0.12)
-"""Viewing angles at which the BRDF is probed."""
+"""Cosines of the view angles at which the BRDF is evaluated."""
 
 WIDEST_GAP = 1.9
-"""Ratio of neighbouring roughnesses beyond which two fitted lobes are two, not one that the dictionary straddles."""
+"""Ratio of neighbouring roughnesses above which fitted terms belong to two lobes, not to one between two entries."""
 
 MOST_GLOSSY = 2
-"""Fitted glossy lobes at most: a coat and what lies under it. Each costs a layer in every map. Components that are told
-apart have one each at least."""
+"""Largest number of fitted glossy lobes: a coat and a base. Each is a layer in every map. BSDF components that can be
+evaluated separately have at least one each."""
 
 ALL_BUT_MATTE = 0.35, 0.05
-"""Roughness from which on a fitted lobe joins the matte one, and share of the energy up to which it does: it mends the
-matte stand-in rather than being a lobe of its own."""
+"""Least roughness and largest share of the energy at which a fitted lobe is merged into the matte one: it corrects the
+matte proxy rather than being a lobe of its own."""
 
 _TINY = 1e-12
 _DRAWS = 128
-_PROBED = (0.004, 0.02, 0.07, 0.25, 0.7)  # widths at which light directions are drawn: dense wherever a lobe may be
+_PROBED = (0.004, 0.02, 0.07, 0.25, 0.7)  # roughness of the GGX densities from which light directions are drawn
 
 
 @dataclass(frozen=True)
 class ProxyLobe:
-    """A sum of proxies of similar roughness.
+    """Proxy lobe: a sum of basis functions of similar roughness.
 
     Attributes
     ----------
     alphas : tuple of float
         Roughness of each; `LAMBERT` for a matte lobe.
     coefficients : tuple of ndarray, each of shape (terms, 3)
-        Coefficient of each basis function of that roughness in each channel, ≥ 0; see `proxy.lobe_values`.
+        Coefficient of each basis function of that roughness in each channel, ≥ 0; see `rsibr.lobes.basis.lobe_values`.
     component : int or None
-        The component of the BSDF that it stands in for, or for a part of; None where components are not told apart.
+        BSDF component that it represents, in whole or in part; None if components cannot be evaluated separately.
     """
 
     alphas: tuple[float, ...]
@@ -63,31 +64,38 @@ class ProxyLobe:
 
     @property
     def alpha(self) -> float:
-        """Mean roughness, by the energy that each proxy carries head-on; `LAMBERT` for a matte lobe."""
+        """Geometric mean roughness, weighted by energy at normal incidence; `LAMBERT` for a matte lobe."""
         if self.is_matte:
             return LAMBERT
-        weights = [float(c.sum() - 0.95 * c[1:2].sum()) + _TINY for c in self.coefficients]  # grazing is faint head-on
+        # Grazing terms are small at normal incidence
+        weights = [float(c.sum() - 0.95 * c[1:2].sum()) + _TINY for c in self.coefficients]
         return float(np.exp(np.average(np.log(self.alphas), weights=weights)))
 
 
 def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
-    """Fit a BRDF by a few lobes, widest first.
+    """Fit a BRDF by a few proxy lobes, widest first.
 
     Parameters
     ----------
     bsdf : mi.BSDF
-        Any isotropic BSDF; its delta components do not take part.
+        Any isotropic BSDF; its delta components are ignored.
 
     Returns
     -------
     list of ProxyLobe
-        At least one. Where Mitsuba tells components apart, each is fitted by itself.
+        At least one. Components that Mitsuba evaluates separately are fitted separately.
 
     Notes
     -----
-    Non-negative least squares of the relative error over directions drawn around every width of lobe (Lawson & Hanson
-    1974). Per channel, because a red paint's highlight is white: proxies that the channels share would put it into the
-    diffuse lobe in green and blue.
+    Non-negative least squares (Lawson & Hanson 1974) of the relative error over directions drawn from lobes of all
+    widths. Each channel is fitted separately, because the highlight of a red paint is white: proxies shared by the
+    channels would put it into the diffuse lobe in green and blue.
+
+    Examples
+    --------
+    >>> lobes = fit_lobes(mi.load_dict({"type": "roughconductor", "alpha": 0.1, "distribution": "ggx"}))
+    >>> [round(lobe.alpha, 1) for lobe in lobes]
+    [0.1]
     """
     wi, wo, density = _directions()
     components: list[int] | list[None] = told_apart(bsdf, wi, wo, density) or [None]
@@ -103,7 +111,7 @@ def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
 
 
 def _fitted(wanted: NDArray[np.float64], roughnesses: tuple[float, ...], most_glossy: int) -> list[ProxyLobe]:
-    """Fit values at `_directions` by proxies of some roughnesses."""
+    """Fit values at `_directions` by basis functions of some roughnesses."""
     wi, wo, density = _directions()
     terms = [_columns(wi, wo, alpha) for alpha in roughnesses]
     basis = np.concatenate(terms, axis=1)
@@ -119,7 +127,7 @@ def _fitted(wanted: NDArray[np.float64], roughnesses: tuple[float, ...], most_gl
 
 
 def _clusters(roughnesses: tuple[float, ...], energy: list[float], most_glossy: int) -> list[list[int]]:
-    """Group the roughnesses that carry energy: matte stands alone, and at most `most_glossy` others."""
+    """Group the roughnesses that carry energy: one matte group, and at most `most_glossy` others."""
     total = sum(energy)
     if total <= 0:
         return [[0]]
@@ -146,7 +154,7 @@ def _carried(group: list[int], energy: list[float]) -> float:
 def _merged(
     groups: list[list[int]], place: NDArray[np.float64], energy: list[float], most_glossy: int
 ) -> list[list[int]]:
-    """Let faint groups join the nearest, and then the nearest join one another, until few enough are left."""
+    """Merge faint groups into their nearest neighbours, then nearest pairs until at most `most_glossy` remain."""
     least = LEAST_SHARE * sum(energy)
 
     def centre(group: list[int]) -> float:
@@ -176,7 +184,7 @@ def _columns(wi: NDArray[np.float64], wo: NDArray[np.float64], alpha: float) -> 
 
 @cache
 def _directions() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Pairs of directions, and the density [sr⁻¹] of the light directions, summed over the ways to draw them."""
+    """Pairs of directions, and the sum of the sampling densities [sr⁻¹] at the light directions."""
     u = sobol(2, _DRAWS, seed=7)
     wi, wo = [], []
     for cosine in COSINES_OUT:
@@ -208,6 +216,5 @@ def _density(wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.flo
     h /= np.linalg.norm(h, axis=1, keepdims=True)
     density = np.maximum(wi[:, 2], 0) / np.pi
     for alpha in _PROBED:
-        distribution = alpha**2 / (np.pi * (h[:, 2] ** 2 * (alpha**2 - 1) + 1) ** 2)
-        density = density + distribution * h[:, 2] / (4 * np.maximum((h * wo).sum(1), 1e-6))
+        density = density + ggx_density(h[:, 2], alpha) * h[:, 2] / (4 * np.maximum((h * wo).sum(1), 1e-6))
     return np.asarray(density)

@@ -1,7 +1,8 @@
-"""The shape of a lobe as a mixture of Gaussians over the slopes of its facets: what a light can be blurred with.
+"""Shape of a lobe as a mixture of Gaussians over microfacet slopes.
 
-The slopes of GGX facets follow Student's t with two degrees of freedom, which is a scale mixture of Gaussians. A few of
-them, each twice as wide as the last, stand for any sum of GGX lobes, tails included.
+GGX slopes follow a Student t distribution with two degrees of freedom, which is a scale mixture of Gaussians. A few
+Gaussians, each twice as wide as the last, approximate any sum of GGX lobes, tails included; each one is a blur that the
+environment pyramid provides.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from rsibr.lobes.basis import LAMBERT
 from rsibr.lobes.fit import ProxyLobe
 
 _RATIO = 2.0
-_NARROWEST = 0.3  # of the least roughness: its Gaussian carries next to nothing
+_NARROWEST = 0.3  # σ over the least roughness; narrower Gaussians would carry almost no energy
 _WIDEST = 1.0
 _STEEPEST = 4.0
 _FAINTEST = 1e-4
@@ -24,14 +25,14 @@ _FAINTEST = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Gaussians:
-    """A mixture of isotropic Gaussians over facet slopes.
+    """Mixture of isotropic Gaussians over microfacet slopes.
 
     Attributes
     ----------
     sigmas : ndarray, shape (M,)
         Standard deviations, ascending.
     plain, grazing : ndarray, shape (M, 3)
-        Weight of each in each channel, ≥ 0: without a Fresnel term, and times Schlick's (1 − cos)⁵.
+        Weight of each in each channel, ≥ 0: without a Fresnel term, and times Schlick's (1 − cos θ)⁵.
     """
 
     sigmas: NDArray[np.float64]
@@ -39,25 +40,25 @@ class Gaussians:
     grazing: NDArray[np.float64]
 
     def between(self, low: float, high: float) -> Gaussians:
-        """Those with low ≤ σ < high."""
+        """Gaussians with low ≤ σ < high."""
         chosen = (self.sigmas >= low) & (self.sigmas < high)
         return Gaussians(self.sigmas[chosen], self.plain[chosen], self.grazing[chosen])
 
 
 @dataclass(frozen=True, eq=False)
 class LobeShape:
-    """How a lobe gathers its light.
+    """Shape of a lobe: the weight with which it integrates incident light.
 
     Attributes
     ----------
     alpha : float
-        Roughness that masking and shadowing go by.
+        Roughness α in the masking-shadowing term.
     bare : Gaussians
-        Facets on the surface.
+        Microfacets on the surface.
     coated : Gaussians
-        Facets under a coat (`proxy.coated_ggx`); their grazing weights are zero.
+        Microfacets under a coat (`rsibr.lobes.basis.coated_ggx`); their grazing weights are zero.
     matte : ndarray, shape (2, 3)
-        Weights of a cosine lobe, bare and coated (`proxy.lambert`).
+        Weights of a cosine lobe, bare and coated (`rsibr.lobes.basis.lambert`).
     """
 
     alpha: float
@@ -77,7 +78,7 @@ class LobeShape:
 
     @classmethod
     def of(cls, proxy: ProxyLobe) -> LobeShape:
-        """Make the kernel of a fitted lobe. A matte lobe's glossy companions, far wider than most, count as matte."""
+        """Shape of a fitted lobe. Glossy terms of a matte lobe, which are wide, count as Lambertian."""
         if proxy.is_matte:
             at = proxy.alphas.index(LAMBERT)
             return cls(LAMBERT, _NOTHING, _NOTHING, proxy.coefficients[at])
@@ -88,7 +89,7 @@ class LobeShape:
 
     @classmethod
     def mirror(cls) -> LobeShape:
-        """Make the kernel of a delta lobe: facets without any slope."""
+        """Shape of a delta lobe: all microfacets at slope zero."""
         one = np.ones((1, 3))
         return cls(0.0, Gaussians(np.zeros(1), one, 0 * one), _NOTHING, np.zeros((2, 3)))
 
@@ -99,12 +100,13 @@ _NOTHING = Gaussians(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 def _mixture(
     alphas: NDArray[np.float64], plain: NDArray[np.float64], grazing: NDArray[np.float64] | None = None
 ) -> Gaussians:
-    """Fit Gaussians to Σ c_t p_t(s), p(s) = α²/(π(α² + s²)²), with even relative error down the tails."""
+    """Fit Gaussians to Σ c_t p_t(s), p(s) = α²/(π(α² + s²)²), in least relative squares, tails included."""
     grazing = np.zeros_like(plain) if grazing is None else grazing
     used = (plain + grazing).any(axis=1)
     if not used.any():
         return _NOTHING
     alphas, plain, grazing = alphas[used], plain[used], grazing[used]
+    # Dictionary of Gaussians, each _RATIO times as wide as the last, and the densities to fit at sampled slopes
     steps = int(np.ceil(np.log(_WIDEST / (_NARROWEST * alphas.min())) / np.log(_RATIO)))
     sigmas = _NARROWEST * alphas.min() * _RATIO ** np.arange(steps + 1)
     slope = np.geomspace(0.05 * alphas.min(), _STEEPEST, 300)[:, None]
@@ -118,6 +120,7 @@ def _mixture(
             axis=1,
         )
 
+    # Least relative squares per channel; Gaussians with almost no energy are dropped
     weights, graze = fitted(plain), fitted(grazing)
     energy = weights.sum(axis=1) + graze.sum(axis=1)
     kept = energy > _FAINTEST * energy.sum()

@@ -1,11 +1,11 @@
-"""Splits a material, exactly, into lobes that are each warped in their own way.
+"""Exact split of a material into lobes, each of which has a warp of its own.
 
-f = Σ f·ω_k with ω_k = h_k / Σ h_j, per colour channel: whatever the stand-ins h_k are, the lobes add up to f. Where
-Mitsuba tells the components of a BSDF apart, each component f_c takes its own share instead: ω_k = f_c/f · h_k / Σ h_j
-over the stand-ins of that component, most often only one.
+f = Σ f·ω_k with shares ω_k = h_k / Σ h_j per colour channel, so that the lobes add up to f for any proxies h_k. If
+Mitsuba evaluates the components f_c of a BSDF separately, ω_k = f_c/f · h_k / Σ h_j over the proxies of that component,
+usually one.
 
-In spectral rendering f_c/f is taken wavelength by wavelength, and h_k / Σ h_j, which knows only directions, from the
-colour that an observer sees of each component: as exact, for the weights still add up to one.
+In spectral rendering f_c/f is evaluated at each wavelength, and h_k / Σ h_j, which depends on directions only,
+multiplies the RGB of each component. The split stays exact, because the shares add up to one.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ from rsibr.lobes.fit import ProxyLobe, fit_lobes
 from rsibr.scene.wavelengths import Wavelengths
 
 MIRROR = -1.0
-"""Stands where a roughness would for a delta distribution."""
+"""Sentinel α for a delta lobe."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lobe:
-    """One lobe of a material: what a reconstruction has to know of it.
+    """One lobe of a material.
 
     Attributes
     ----------
     name : str
-        "diffuse", "mirror", or "glossy" with its roughness; with a number behind it where one comes again.
+        "diffuse", "mirror", or "glossy-" and its roughness; a repeated name is numbered.
     alpha : float
-        Roughness α = r² of the microfacet lobe that it resembles; `LAMBERT` for a matte one, `MIRROR` for a delta.
+        Roughness α = r² of the fitted GGX lobe; `LAMBERT` for a matte lobe, `MIRROR` for a delta lobe.
     albedo : ndarray, shape (NODES, 3)
-        Directional albedo E_k over the cosine of the viewing angle, at the nodes of `rsibr.lobes.albedo`.
+        Directional albedo E_k at the view angles of `rsibr.lobes.albedo.node_cosines`.
     proxy : ProxyLobe or None
-        What stands in for it; None for a delta.
+        Fitted proxy; None for a delta lobe.
     """
 
     name: str
@@ -65,20 +65,26 @@ class Lobe:
 _TINY = 1e-12
 
 
-class LobeSplit:  # its numbers are opaque to kernels: another paint of the same build compiles nothing anew
-    """The lobes of one material, and how each pair of directions is shared out among them.
+class LobeSplit:  # numbers are opaque: materials with the same structure share kernels
+    """Lobes of a material, and their shares in the BRDF at each pair of directions.
 
     Parameters
     ----------
     bsdf : mi.BSDF
         Any isotropic BSDF.
     proxies : sequence of ProxyLobe
-        Stand-ins, one a lobe, those of one component together counted as what that component is made of.
+        Proxies, one a lobe; those with the same `component` share that component.
 
     Attributes
     ----------
     names : list of str
-        Names of all lobes, each once.
+        Unique names of all lobes.
+
+    Examples
+    --------
+    >>> split = LobeSplit.of(mi.load_dict({"type": "conductor"}))
+    >>> split.names, split.lobes[0].is_mirror
+    (['mirror'], True)
     """
 
     def __init__(self, bsdf: mi.BSDF, proxies: Sequence[ProxyLobe]) -> None:
@@ -92,16 +98,16 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
 
     @classmethod
     def of(cls, bsdf: mi.BSDF) -> LobeSplit:
-        """Fit the stand-ins to the BSDF; see `rsibr.lobes.fit`."""
+        """Fit the proxies to the BSDF; see `rsibr.lobes.fit`."""
         return cls(bsdf, fit_lobes(bsdf) if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) else [])
 
     def of_variant(self, bsdf: mi.BSDF) -> LobeSplit:
-        """Return the same split for the same material as the current variant of Mitsuba has loaded it."""
+        """Return the same split for the same material, loaded in the current variant of Mitsuba."""
         return LobeSplit(bsdf, self._proxies)
 
     @cached_property
     def lobes(self) -> list[Lobe]:
-        """The lobes with their albedos, which take a second or two."""
+        """Lobes with their albedos, computed on first use in one to two seconds."""
         tables = albedo_tables(self) if self._proxies else []
         smooth = zip(self.names, self._proxies, tables, strict=False)
         lobes = [Lobe(name, proxy.alpha, table, proxy) for name, proxy, table in smooth]
@@ -115,37 +121,37 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
         is_delta: mi.Bool | bool,
         wavelengths: Wavelengths,
     ) -> list[mi.Color3f]:
-        """Share a sample of radiance out among all lobes.
+        """Divide a sample of radiance among all lobes.
 
         Parameters
         ----------
         radiance : mi.UnpolarizedSpectrum
-            Light from `wi` reflected toward `wo` [W sr⁻¹ m⁻²], times the weight of its wavelengths.
+            Light from `wi` reflected toward `wo` [W sr⁻¹ m⁻²], times the weights of its wavelengths.
         wi, wo : mi.Vector3f
             Unit directions to the light and to the viewer in the surface's frame.
         is_delta : mi.Bool
-            Whether a delta component reflected it.
+            Whether it was reflected by a delta component.
         wavelengths : Wavelengths
-            Of the sample.
+            Wavelengths of the sample.
 
         Returns
         -------
         list of mi.Color3f
-            One for each of `lobes`, as an observer sees them; they add up to `radiance`.
+            Linear RGB of each of `lobes`; the sum is that of `radiance`.
         """
         if not self._proxies:
             return [wavelengths.seen(radiance)]
         smooth = dr.select(is_delta, 0, radiance) if self._has_mirror else radiance
         found = [mi.Color3f(0)] * len(self._proxies)
         for share, members in zip(self._component_shares(wi, wo, wavelengths.nm), self._members.values(), strict=True):
-            # What carries no light may have no meaningful direction either; a NaN is no zero, and stays
+            # Zero radiance may come with an undefined direction: its shares are not evaluated. A NaN is kept
             seen = wavelengths.seen(dr.select(smooth == 0, 0, smooth * share))
             for member, part in zip(members, self._parts(members, wi, wo), strict=True):
                 found[member] = dr.select(seen == 0, 0, seen * part)
         return [*found, wavelengths.seen(dr.select(is_delta, radiance, 0))] if self._has_mirror else found
 
     def parts(self, wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
-        """BRDF times cosine [sr⁻¹] of each lobe that is no delta, in RGB rendering; see `shares`."""
+        """BRDF times cosine [sr⁻¹] of each lobe that is not a delta lobe, in RGB rendering; see `shares`."""
         value = self._bsdf.eval(mi.BSDFContext(), interaction(wo), wi)
         return [value * share for share in self.shares(wi, wo)]
 
@@ -160,8 +166,8 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
         Returns
         -------
         list of mi.Color3f
-            Non-negative, sum 1 in each channel. Where nothing is reflected, the first component takes all; where no
-            stand-in of a component has anything, the first of them.
+            Non-negative, sum 1 in each channel. Where the BRDF is 0, the share of the first component is 1; where all
+            proxies of a component are 0, that of its first proxy.
         """
         found = [mi.Color3f(0)] * len(self._proxies)
         for share, members in zip(self._component_shares(wi, wo), self._members.values(), strict=True):
@@ -178,7 +184,7 @@ class LobeSplit:  # its numbers are opaque to kernels: another paint of the same
         return component_shares(self._bsdf, components, wi, wo, nm)
 
     def _parts(self, members: list[int], wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
-        """Shares of a component's stand-ins among themselves: the first takes what the others leave."""
+        """Shares of the proxies in their component; the first is one minus the others."""
         if len(members) == 1:
             return [mi.Color3f(1)]
         values = [_value(self._terms[member], wi, wo) for member in members]
@@ -197,7 +203,7 @@ _Term = tuple[float, "mi.Float", dict[int, "mi.Color3f"]]
 
 
 def _device_terms(proxy: ProxyLobe) -> list[_Term]:
-    """Roughness, on the host and on the device, and the colours of the basis functions that are not black."""
+    """Roughness on the host and on the device, and the non-zero coefficients of the basis functions."""
     terms = []
     for alpha, coefficients in zip(proxy.alphas, proxy.coefficients, strict=True):
         colours = {i: mi.Color3f(*colour.tolist()) for i, colour in enumerate(coefficients) if colour.any()}
@@ -220,6 +226,6 @@ def _name(proxy: ProxyLobe) -> str:
 
 
 def _distinct(names: list[str]) -> list[str]:
-    """Number the names that come again: a layer of a map is known by its name."""
+    """Number repeated names: layers of a map are identified by name."""
     counts = [names[: place + 1].count(name) for place, name in enumerate(names)]
     return [name if count == 1 else f"{name}-{count}" for name, count in zip(names, counts, strict=True)]

@@ -1,7 +1,7 @@
-"""Decisions on colour: one channel, three, or the spectrum; and polarisation.
+"""Decisions on colour: one channel, RGB or spectra; and on polarisation.
 
-What is rendered in spectra or with polarisation follows from the config alone, so that a bake, its reference and a
-study agree on it without probing anything.
+Spectral and polarised rendering follow from the config alone, so that a bake, its reference and a study agree without
+measuring the scene.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from rsibr.planning.plan import Effect, decided, number, rendering_of
 from rsibr.scene.config import Config, EffectsConfig
 
 GREY = 1e-4
-"""Difference between the channels, relative, up to which light and material count as grey: a relMSE of 1e-8."""
+"""Relative difference between the channels up to which light and material count as grey: a relMSE of 1e-8."""
 
 JUST_NOTICEABLE = 1.0
-"""ΔE_ITP that an observer can just tell (ITU-R BT.2124-0)."""
-
+"""Just noticeable ΔE_ITP (ITU-R BT.2124-0)."""
 
 POLARISING = ("polarizer", "retarder", "circular", "measured_polarized")
-"""Plugins of Mitsuba that are there for nothing but polarisation."""
+"""Mitsuba plugins whose only effect is on polarisation."""
 
 _MISMATCH = "ΔE_ITP of RGB against the spectra"
 
 
 @dataclass(frozen=True)
 class ColourEffects:
-    """What is carried along a path, decided.
+    """Decisions on spectra and polarisation.
 
     Attributes
     ----------
     spectral, polarisation : Effect
+        The two decisions.
     one_spectrum : bool
-        Whether the light is the same from everywhere, so that a lobe has one colour under it.
+        Whether the light is constant over the sphere, so that each lobe has one colour under it.
     """
 
     spectral: Effect
@@ -49,7 +49,7 @@ class ColourEffects:
 
     @classmethod
     def of(cls, config: Config) -> ColourEffects:
-        """Decide by what the config gives: its spectra, its polarising parts, its switches."""
+        """Decide from the spectra, the polarising plugins and the switches of a config."""
         material, emitter = _given(config)
         polarisation = polarisation_effect(material, config.effects)
         spectral = spectral_effect(material, emitter, config.effects, polarisation.on)
@@ -57,17 +57,27 @@ class ColourEffects:
 
     @property
     def rendering(self) -> Rendering:
-        """Which variants of Mitsuba carry it out."""
+        """Rendering that follows from the decisions: selects the variant of Mitsuba."""
         return rendering_of((self.spectral, self.polarisation))
 
     @property
     def breaks_closed_forms(self) -> bool:
-        """Whether products of RGB, as closed forms are, miss what is rendered: spectra that vary over the sky."""
+        """Whether closed forms, which multiply RGB values, are invalid: spectra that vary over the sky."""
         return self.rendering != "rgb" and not self.one_spectrum
 
 
 def colour_effect(material: MaterialProbe, light: LightProbe, settings: EffectsConfig, spectral: bool) -> Effect:
-    """Whether three channels are rendered; one is enough for grey light on a grey material, both of them in RGB."""
+    """Decide whether three channels are rendered; one suffices for grey light on a grey material, both in RGB.
+
+    Parameters
+    ----------
+    material, light
+        Measurements of the scene.
+    settings : EffectsConfig
+        Section of the config that may force the decision.
+    spectral : bool
+        Whether the bake is spectral.
+    """
     chroma = max(light.chroma, material.chroma)
     both = material.chroma**2 + light.chroma**2
     coloured = [name for name, value in (("light", light.chroma), ("material", material.chroma)) if value > GREY]
@@ -88,18 +98,18 @@ def spectral_effect(
     settings: EffectsConfig,
     polarised: bool = False,
 ) -> Effect:
-    """Whether light and material are rendered in spectra, or RGB stands in for those that the config gives.
+    """Decide whether light and material are rendered spectrally, or their spectra converted to RGB.
 
     Parameters
     ----------
     material : mapping or Path or None
-        The BSDF as plain data, or the XML file that holds it.
+        BSDF as plain data, or path of its XML file.
     emitter : mapping or None
-        The light as plain data; None for a map, which has no spectra.
+        Emitter as plain data; None for an image, which has no spectra.
     settings : EffectsConfig
-        May force it.
+        Section of the config that may force the decision.
     polarised : bool
-        Whether polarisation is rendered, which Mitsuba does in spectra alone.
+        Whether polarisation is rendered, for which Mitsuba has spectral variants only.
     """
     mismatch = rgb_mismatch(material, emitter)
     if mismatch is None:
@@ -119,9 +129,9 @@ def spectral_effect(
 
 
 def polarisation_effect(material: Mapping[str, Any] | Path | None, settings: EffectsConfig) -> Effect:
-    """Whether Mueller matrices are rendered: on request, or where the material has a polarising part.
+    """Decide whether Mueller matrices are rendered: on request, or if the material has a polarising plugin.
 
-    Without it radiance is exact: distant light of Mitsuba's emitters is not polarised, and it is reflected once.
+    Without them radiance is exact: Mitsuba's emitters are unpolarised, and distant light is reflected once.
     """
     found = sorted({name for name in _plugins(material) if name in POLARISING})
     exact = "one reflection of unpolarised light: radiance is exact without it"
@@ -132,7 +142,7 @@ def polarisation_effect(material: Mapping[str, Any] | Path | None, settings: Eff
 
 
 def _plugins(source: Mapping[str, Any] | Path | None) -> Iterator[str]:
-    """Types of all plugins of a material."""
+    """Type names of all plugins in a material."""
     if isinstance(source, Path):
         yield from (element.get("type", "") for element in ElementTree.parse(source).getroot().iter())
         return
@@ -144,7 +154,7 @@ def _plugins(source: Mapping[str, Any] | Path | None) -> Iterator[str]:
 
 
 def _given(config: Config) -> tuple[dict[str, Any] | Path | None, dict[str, Any] | None]:
-    """What the config gives as plain data or XML, where spectra may stand."""
+    """Material and emitter of a config, as plain data or XML that may contain spectra."""
     material = config.material
     file = material.file if material.file is not None and material.file.suffix == ".xml" else None
     return material.bsdf or file, config.environment.emitter

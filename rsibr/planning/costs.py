@@ -1,4 +1,4 @@
-"""What each effect costs the bake, or saves it: from times and sizes measured of this scene on this machine."""
+"""Cost or saving of each effect in seconds and bytes, from measurements of this scene on this machine."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ _RADIANCE, _VARIANCE, _COVERAGE = 3, 3, 1
 
 @dataclass(frozen=True)
 class Costs:
-    """Times and sizes of one map.
+    """Measured time and size of one map, and of its alternatives.
 
     Attributes
     ----------
     views, lobes : int
-        Maps all around, as the config asks for; and layers of each.
+        Number of views in the config; layers of a map.
     seconds : float
-        Of a map as planned.
+        Render time of a map as planned [s].
     bytes : int
-        Of a map as planned that keeps all lobes apart.
+        Size of a map as planned with a layer for each lobe.
     one_lobe, other_colour, other_sampling, other_rendering : float or None
-        Seconds of a map with its lobes not kept apart; with three channels where one is planned, or the reverse; with
-        light samples where none are planned, or the reverse; in RGB where spectra are planned, or the reverse. None
-        where not measured.
+        Render times of a map [s] without the split into lobes; with three channels if one is planned, or vice versa;
+        with light sampling if it is not planned, or vice versa; in RGB if spectra are planned, or vice versa. None if
+        not measured.
     other_colour_bytes : int or None
-        Of a map with three channels where one is planned, or the reverse.
+        Size of a map with three channels if one is planned, or vice versa. None if not measured.
     source : str
-        Where the figures come from.
+        Origin of the figures, for display.
     """
 
     views: int
@@ -46,14 +46,16 @@ class Costs:
 
 
 def priced(plan: Plan, costs: Costs, asked_resolution: int) -> Plan:
-    """Return the plan with what each effect costs, or saves where it is off.
+    """Return the plan with the cost of each effect, or its saving if it is off.
 
     Parameters
     ----------
     plan : Plan
+        A plan without costs.
     costs : Costs
+        Measurements of one map.
     asked_resolution : int
-        Texels a side that the config asked for.
+        Texels a side in the config.
     """
     effects = tuple(_priced(effect, plan, costs, asked_resolution) for effect in plan.effects)
     seconds = _baked(plan, costs) * costs.seconds
@@ -61,7 +63,7 @@ def priced(plan: Plan, costs: Costs, asked_resolution: int) -> Plan:
 
 
 def _whole_bytes(plan: Plan, costs: Costs) -> int:
-    """Bytes of all maps: those of the layers that some views do not have are not among them."""
+    """Bytes of all maps, without the layers that some views omit."""
     return _baked(plan, costs) * costs.bytes - _layers_bytes(_layers_left_out(plan, costs), costs)
 
 
@@ -70,7 +72,7 @@ def _layers_left_out(plan: Plan, costs: Costs) -> int:
 
 
 def _baked(plan: Plan, costs: Costs) -> int:
-    """Maps that are baked: one where no lobe needs views."""
+    """Number of maps that are baked: one if no lobe needs stored views."""
     return costs.views if plan.needs_views else 1
 
 
@@ -85,11 +87,11 @@ def _priced(effect: Effect, plan: Plan, costs: Costs, asked: int) -> Effect:
             seconds, size = (costs.views - 1) * costs.seconds, (costs.views - 1) * costs.bytes - left_out
         case "diffuse" | "glossy" | "clear_coat" | "mirror":
             if not effect.on and effect.forced is None:
-                return effect  # it is not there: nothing to save
+                return effect  # the material has no such lobe
             seconds, size = _of_a_lobe(plan, costs)
         case "lobe_views":
             if not effect.threshold:
-                return effect  # no view can do with fewer layers than another
+                return effect  # all views have the same layers
             fewest = layers_spared(own_views(plan.lobes, int(effect.threshold)), costs.views)
             seconds, size = 0.0, _layers_bytes(fewest if effect.on else _layers_left_out(plan, costs), costs)
         case "colour":
@@ -97,12 +99,12 @@ def _priced(effect: Effect, plan: Plan, costs: Costs, asked: int) -> Effect:
         case "light_sampling":
             seconds, size = _apart(effect.on, costs, costs.other_sampling), 0
         case "resolution":
-            # What is on costs what half the resolution would not; what is off saves all beyond its own
+            # On: cost beyond half the resolution. Off: saving beyond the resolution that was chosen
             factor = 0.75 if effect.on else (asked / plan.resolution) ** 2 - 1
             seconds, size = factor * whole[0], round(factor * whole[1])
-        case "spectral":  # the samples of a map cost more; its size is that of RGB
+        case "spectral":  # maps are stored in RGB either way
             seconds, size = _apart(effect.on, costs, costs.other_rendering), 0
-        case "polarisation":  # what it costs beyond the spectra that come with it is not told apart
+        case "polarisation":  # not measured apart from the spectral rendering that it implies
             seconds, size = None, 0
         case _:
             return effect
@@ -110,7 +112,7 @@ def _priced(effect: Effect, plan: Plan, costs: Costs, asked: int) -> Effect:
 
 
 def _of_a_lobe(plan: Plan, costs: Costs) -> tuple[float | None, int | None]:
-    """Keeping a lobe apart takes its layer and its share of the work; the only lobe of a material takes all."""
+    """Cost of a lobe: its layer and its share of the split; the only lobe of a material costs the whole bake."""
     if costs.lobes == 1 and not plan.left_out:
         return costs.views * costs.seconds, costs.views * costs.bytes
     apart = _apart(True, costs, costs.one_lobe)
@@ -119,19 +121,19 @@ def _of_a_lobe(plan: Plan, costs: Costs) -> tuple[float | None, int | None]:
 
 
 def _of_colour(costs: Costs) -> int | None:
-    """Bytes between one channel and three: few, for where three are the same the files' compression finds it."""
+    """Difference in bytes between one channel and three; small, because compression removes equal channels."""
     if costs.other_colour_bytes is None:
         return None
     return costs.views * abs(costs.other_colour_bytes - costs.bytes)
 
 
 def _layers_bytes(layers: int, costs: Costs) -> int:
-    """Bytes of so many layers: channels of noise compress alike."""
+    """Bytes of a number of layers, if all channels compress equally."""
     return round(layers * costs.bytes * _RADIANCE / (costs.lobes * _RADIANCE + _VARIANCE + _COVERAGE))
 
 
 def _apart(is_on: bool, costs: Costs, other: float | None) -> float | None:
-    """Seconds over all views that what is on costs, or what is off saves; 0 where noise turned the difference round."""
+    """Seconds over all views that an effect costs if on, or saves if off; 0 if noise made the difference negative."""
     if other is None:
         return None
     return costs.views * max(0.0, costs.seconds - other if is_on else other - costs.seconds)

@@ -1,4 +1,4 @@
-"""What sphere maps cannot hold, or never need: looked for in the material, and said."""
+"""Effects that sphere maps cannot represent or never need: detected in the material and reported."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ from rsibr.planning.material_probe import MaterialProbe
 from rsibr.planning.plan import Effect, flagged
 
 TURNS_ALIKE = 1e-2
-"""Change of the BRDF under a turn about the normal, relative, up to which a material counts as isotropic."""
+"""Relative change of the BRDF under rotation about the normal up to which a material counts as isotropic."""
 
 SAME_ALL_OVER = 1e-3
-"""Change of the BRDF from place to place, relative, up to which a material counts as the same all over."""
+"""Relative change of the BRDF over the surface up to which a material counts as homogeneous."""
 
 
 def flag_effects(material: MaterialProbe) -> Iterator[Effect]:
-    """Look for what maps cannot hold; off in every bake, flagged where it matters."""
+    """Yield the effects that maps cannot represent: off in every bake, flagged if the material shows them."""
     yield flagged(
-        "retroreflection", material.retro_ratio, RETRO_RATIO, "straight back over sideways",
-        "no warp follows light that goes back: it is baked with the other lobes, and errs more between the views",
-        "no light goes back to where it came from",
+        "retroreflection", material.retro_ratio, RETRO_RATIO, "BRDF toward the light over that to the side",
+        "no warp follows retroreflected light: it is baked with the other lobes, with larger errors between the views",
+        "no light is retroreflected",
     )  # fmt: skip
     yield flagged(
-        "anisotropy", material.anisotropy, TURNS_ALIKE, "change of the BRDF under a turn, relative",
-        "a sphere map holds one look a normal: expect larger errors between the views",
-        "the material looks the same however it is turned",
+        "anisotropy", material.anisotropy, TURNS_ALIKE, "relative change of the BRDF under rotation",
+        "a sphere map holds one radiance a normal: expect larger errors between the views",
+        "the material is isotropic",
     )  # fmt: skip
     yield flagged(
-        "spatial_variation", material.variation, SAME_ALL_OVER, "change of the BRDF from place to place, relative",
-        "a sphere map holds one material: it is that of one place", "the material is the same all over",
+        "spatial_variation", material.variation, SAME_ALL_OVER, "relative change of the BRDF over the surface",
+        "a sphere map holds one material: that of one point of the surface", "the material is homogeneous",
     )  # fmt: skip
 
 
 def use_effects() -> Iterator[Effect]:
-    """What the use of sphere maps rules out, exactly."""
+    """Yield the effects that sphere maps exclude exactly."""
     yield flagged(
-        "self_occlusion", 0.0, 0.0, "share of the light that the object shadows", "",
-        "a sphere is convex: nothing of it shadows or mirrors itself",
+        "self_occlusion", 0.0, 0.0, "share of the light that the object occludes", "",
+        "a sphere is convex: it neither shadows nor reflects itself",
     )  # fmt: skip
     yield flagged(
         "perspective", 0.0, 0.0, "spread of the view over a map [rad]", "",

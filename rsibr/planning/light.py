@@ -1,4 +1,4 @@
-"""Decisions on the light: whether it must be sampled by itself, and whether maps of fewer texels hold what it casts."""
+"""Decisions on emitter sampling and on the resolution of the maps."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from rsibr.planning.resolution import LEAST_RESOLUTION, sufficient_resolution
 from rsibr.scene.config import EffectsConfig, SamplingConfig
 
 EVEN = 0.5
-"""Relative variance of the radiance up to which a sky counts as even: the BSDF's samples miss no source in it."""
+"""Relative variance of the radiance up to which the environment counts as even: BSDF sampling misses no source."""
 
 NO_NOISIER = 1.0
-"""Variance by the BSDF's samples alone, over that with the light's samples, up to which these are work for nothing."""
+"""Variance of BSDF sampling alone, over that of both, up to which emitter sampling does not pay."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class Resolution:
     Attributes
     ----------
     asked : int
-        By the config, or its default.
+        Value of the config, or its default.
     explicit : bool
-        Whether the config itself says so: then nothing but `effects.resolution = "off"` lowers it.
+        Whether the config says so, not "auto": then nothing but `effects.resolution = "off"` lowers it.
     """
 
     asked: int
@@ -36,7 +36,7 @@ class Resolution:
 
 
 def is_even(light: LightProbe) -> bool:
-    """Whether the sky is even enough for its sampling to be a question at all."""
+    """Whether the environment is so even that BSDF sampling alone may have less variance."""
     return light.variance <= EVEN
 
 
@@ -47,24 +47,24 @@ def sampling_effect(
     settings: EffectsConfig,
     sampling: SamplingConfig,
 ) -> Effect:
-    """Whether directions are drawn from the light beside those from the BSDF, as a sun or a lamp needs it.
+    """Decide whether the emitter is sampled besides the BSDF, which a sun or a lamp requires.
 
     Parameters
     ----------
     light, material
-        What was measured.
+        Measurements of the scene.
     sampling_ratio : float or None
-        Variance by the BSDF's samples alone over that by both, measured; None where the sky is uneven: a sun that no
-        sample of the pilot hit would make it a lie.
+        Measured variance of BSDF sampling alone over that of both; None under an uneven sky, where a pilot that misses
+        the sun would give a wrong ratio.
     settings : EffectsConfig
-        May force it.
+        Section of the config that may force the decision.
     sampling : SamplingConfig
-        Its `clamp` takes the light of small sources away; its samples share what noise they would leave alone.
+        Its `clamp` darkens small sources; its `samples` set the noise without emitter sampling.
 
     Raises
     ------
     InputError
-        If it is forced off under a source that only the light's own sampling can hit.
+        If it is forced off under a source without extent, which only emitter sampling can hit.
     """
     if settings.light_sampling == "off" and light.variance == UNRESOLVED:
         raise InputError(
@@ -72,7 +72,7 @@ def sampling_effect(
             where="effects.light_sampling",
             fix='leave it at "auto"',
         )
-    policy = "light and BSDF are both sampled, weighted by the balance heuristic; nothing is clamped"
+    policy = "light and BSDF are both sampled, with the MIS weights of the balance heuristic; nothing is clamped"
     if sampling.clamp is not None:
         policy = (
             f"light and BSDF are both sampled; samples above {sampling.clamp:g} are clamped as asked: too dark maps"
@@ -81,30 +81,41 @@ def sampling_effect(
     evidence, threshold, unit = light.variance, EVEN, "relative variance of the radiance"
     why_on, why_off = f"a sun or lamps, {share}: {policy}", "there is no light"
     if all(lobe.kind == "mirror" for lobe in material.lobes):
-        evidence, why_off = 0.0, "a perfect mirror is met by no sample of the light"
+        evidence, why_off = 0.0, "a delta lobe has value zero at every direction sampled from the light"
     elif sampling_ratio is not None:
-        evidence, threshold, unit = sampling_ratio, NO_NOISIER, "times the variance with the BSDF's samples alone"
+        evidence, threshold, unit = sampling_ratio, NO_NOISIER, "variance of BSDF sampling alone, over that of both"
         why_on = f"the sky is even, but the light's samples lower the noise: {policy}"
         even = f"relative variance of the radiance {number(light.variance)}"
         why_off = f"the sky is even ({even}): the BSDF's samples alone are no noisier"
     return decided(
         "light_sampling", settings.light_sampling, evidence, threshold, unit, why_on, why_off,
         # No bias, but noise: that of as many samples of a mirror that is smeared over the whole sky
-        error_if_left_out=min(1.0, light.variance / sampling.samples) if evidence > threshold else 0.0,
+        error_if_left_out=min(1.0, light.variance / sampling.count) if evidence > threshold else 0.0,
     )  # fmt: skip
 
 
 def resolution_effect(
     lobes: list[Lobe], probes: tuple[LobeProbe, ...], light: LightProbe, resolution: Resolution, settings: EffectsConfig
 ) -> tuple[Effect, int]:
-    """Whether the maps' full resolution is called for.
+    """Decide whether the maps need their full resolution.
+
+    Parameters
+    ----------
+    lobes, probes : Lobe, LobeProbe
+        The lobes of the material, in the same order.
+    light : LightProbe
+        Measurements of the environment.
+    resolution : Resolution
+        Texels a side in the config.
+    settings : EffectsConfig
+        Section of the config that may force the decision.
 
     Returns
     -------
     effect : Effect
-        On where the maps keep all their texels.
+        On if the maps keep their full resolution.
     resolution : int
-        Texels a side that the bake takes.
+        Texels a side of the bake.
     """
     asked, half = resolution.asked, max(LEAST_RESOLUTION, resolution.asked // 2)
     if half >= asked:
@@ -118,7 +129,7 @@ def resolution_effect(
         return Effect("resolution", True, None, error, NEGLIGIBLE, unit, why, error_if_left_out=error), asked
     effect = decided(
         "resolution", settings.resolution, min(error, 1.0), NEGLIGIBLE, unit,
-        f"maps of {half}² would be too coarse", f"maps of {lower}² hold all that this light casts",
+        f"maps of {half}² would be too coarse", f"maps of {lower}² resolve this light",
         error_if_left_out=min(error, 1.0),
     )  # fmt: skip
     return effect, asked if effect.on else min(lower, half)

@@ -1,4 +1,4 @@
-"""Decisions on the material's lobes: which there are, which need maps, from how many views."""
+"""Decisions on the lobes: which are simulated, which need maps, from how many views."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from rsibr.planning.plan import NEGLIGIBLE, Effect, LobePlan, decided, number
 from rsibr.scene.config import EffectsConfig
 
 COAT_ALPHA = 0.1
-"""Roughness up to which the narrowest of several lobes counts as that of a clear coat."""
+"""Roughness α up to which the narrowest of several lobes counts as a clear coat."""
 
 PRESENT = 1e-9
-"""relMSE above which a lobe counts as being there: lobes that are there are simulated, however faint."""
+"""relMSE above which a lobe counts as present; present lobes are simulated, however faint."""
 
 _ENOUGH = 1e-3
-"""relMSE of interpolation, before any correction, at which a number of views suffices for a lobe."""
+"""relMSE of uncorrected interpolation up to which a number of views suffices for a lobe."""
 
-IN_SPECTRA = "its closed form is of RGB, and maps are rendered in spectra"
-"""Why a lobe that would need no maps has some."""
+IN_SPECTRA = "its closed form is in RGB, and maps are rendered in spectra"
+"""Reason why a lobe that has a closed form gets maps nevertheless."""
 
 Weights = dict[str, float]
-"""For each lobe by name the relMSE that leaving it out would make."""
+"""relMSE of leaving out each lobe, by name."""
 
 LOBE_EFFECTS = ("diffuse", "glossy", "clear_coat", "mirror")
 """Effects that are lobes of the material."""
@@ -34,7 +34,7 @@ LOBE_EFFECTS = ("diffuse", "glossy", "clear_coat", "mirror")
 def effect_of(lobe: LobeProbe, lobes: tuple[LobeProbe, ...]) -> str:
     """Name of the effect that a lobe belongs to, one of `LOBE_EFFECTS`.
 
-    The clear coat is the narrowest glossy lobe, up to `COAT_ALPHA`, where a wider one lies below it.
+    The clear coat is the narrowest glossy lobe, up to `COAT_ALPHA`, if another lobe lies below it.
     """
     if lobe.kind != "glossy":
         return lobe.kind
@@ -44,7 +44,7 @@ def effect_of(lobe: LobeProbe, lobes: tuple[LobeProbe, ...]) -> str:
 
 
 def lobe_effects(material: MaterialProbe, left_out: Weights, settings: EffectsConfig) -> Iterator[Effect]:
-    """Decide on each kind of lobe: on where the material has it, unless forced off."""
+    """Decide on each kind of lobe: on if the material has it, unless forced off."""
     names = {
         "diffuse": ("a matte lobe, warped by the normal", "the material has no matte lobe"),
         "glossy": ("glossy lobes, each warped by its own mirror direction", "the material has no further glossy lobe"),
@@ -64,10 +64,10 @@ def lobe_effects(material: MaterialProbe, left_out: Weights, settings: EffectsCo
 
 
 def fresnel_effect(material: MaterialProbe, settings: EffectsConfig) -> Effect:
-    """Whether the directional albedo varies enough over the angle to be carried with the surface."""
+    """Decide whether the directional albedo varies enough with the view angle to be divided out and put back."""
     return decided(
         "fresnel", settings.fresnel, material.fresnel, NEGLIGIBLE, "relMSE of an albedo that is the same at all angles",
-        "the albedo of each lobe goes with the surface's angle", "the albedo hardly varies over the angle",
+        "the albedo of each lobe follows the surface's view angle", "the albedo is nearly constant over the angle",
         error_if_left_out=material.fresnel,
     )  # fmt: skip
 
@@ -75,7 +75,7 @@ def fresnel_effect(material: MaterialProbe, settings: EffectsConfig) -> Effect:
 def view_effect(
     material: MaterialProbe, left_out: Weights, light: LightProbe, settings: EffectsConfig, no_closed_form: bool = False
 ) -> Effect:
-    """Whether the look depends on the view at all, beyond what has a closed form."""
+    """Decide whether stored views are needed, or every lobe has a closed form."""
     residual = max(closed_form_error(lobe, left_out[lobe.name], light) for lobe in material.lobes)
     effect = decided(
         "view_dependence", settings.view_dependence, residual, NEGLIGIBLE, "relMSE of closed forms, estimated",
@@ -90,20 +90,20 @@ def view_effect(
 def lobe_maps(
     lobe: LobeProbe, left_out: float, light: LightProbe, forced: str = "auto", no_closed_form: bool = False
 ) -> LobePlan:
-    """Decide whether a lobe needs maps, and from how many views: the one place where that is decided.
+    """Decide whether a lobe needs maps, and from how many views.
 
     Parameters
     ----------
     lobe : LobeProbe
         The lobe.
     left_out : float
-        relMSE that leaving it out would make, see `rsibr.planning.maps.left_out_errors`.
+        relMSE of leaving it out, see `rsibr.planning.maps.left_out_errors`.
     light : LightProbe
         The environment.
     forced : {"auto", "on", "off"}
-        `effects.view_dependence`: whether maps from several views are insisted on, or ruled out.
+        `effects.view_dependence` of the config.
     no_closed_form : bool
-        Whether maps are rendered in spectra that vary over the sky: closed forms are products of RGB, and do not serve.
+        Whether closed forms, which multiply RGB values, are invalid: spectra that vary over the sky.
 
     Returns
     -------
@@ -111,38 +111,38 @@ def lobe_maps(
 
     Notes
     -----
-    Without maps, three closed forms serve. Under a constant sky L = E(θ) L₀, whatever the lobe. A perfect mirror is
-    E(θ) times the environment in the mirror direction. A matte lobe is E(θ) times the irradiance of its normal over π,
-    as far as it has Lambert's shape. Of these the error is estimated, and maps are needed where it is not negligible.
+    There are three closed forms. Under a constant sky L = E(θ) L₀ for every lobe. A delta lobe is E(θ) times the
+    environment in the mirror direction. A matte lobe is E(θ) times the irradiance at its normal over π, as far as it is
+    Lambertian. Their error is estimated; maps are needed if it is above `NEGLIGIBLE`.
     """
     error = closed_form_error(lobe, left_out, light)
     needed = error > NEGLIGIBLE or no_closed_form if forced == "auto" else forced == "on"
     if needed and error <= NEGLIGIBLE and no_closed_form:
         return LobePlan(lobe.name, True, VIEW_COUNTS[0], error, NEGLIGIBLE, IN_SPECTRA)
     if not needed:
-        why = _closed_form(lobe, light) if error <= NEGLIGIBLE else "forced off: the nearest closed form stands in"
+        why = _closed_form(lobe, light) if error <= NEGLIGIBLE else "forced off: the nearest closed form is used"
         return LobePlan(lobe.name, False, 0, error, NEGLIGIBLE, why)
     if lobe.kind == "diffuse":
-        why = f"warped by the normal: its shape is not quite Lambert's (off by {number(lobe.shape_error)}, relative)"
+        why = f"warped by the normal: its shape deviates from Lambert's by {number(lobe.shape_error)}, relative"
         return LobePlan(lobe.name, True, VIEW_COUNTS[0], error, NEGLIGIBLE, why)
     views = next(
         (count for count in VIEW_COUNTS if interpolation_error(lobe, left_out, light, count) <= _ENOUGH),
         VIEW_COUNTS[-1],
     )
     reached = interpolation_error(lobe, left_out, light, views)
-    why = f"interpolated between {views} views it errs by {number(reached)} before corrections, by the estimate"
+    why = f"interpolation between {views} views has an estimated error of {number(reached)} before corrections"
     return LobePlan(lobe.name, True, views, error, NEGLIGIBLE, why)
 
 
 def closed_form_error(lobe: LobeProbe, left_out: float, light: LightProbe) -> float:
-    """Error (relMSE) of the best closed form of a lobe, estimated; see `lobe_maps`."""
+    """Estimated error (relMSE) of the best closed form of a lobe; see `lobe_maps`."""
     if lobe.kind == "mirror" or light.is_black:
         return 0.0
     uneven = max(relative_power(lobe, light) - 1, 0.0)
     if lobe.kind == "diffuse":
-        # What the shape's difference collects of the sky: nothing of its mean, which the albedo carries already
+        # The deviation from Lambert's shape integrates to 0, so that the sky's mean contributes no error
         uneven = min(uneven, min(1.0, light.variance) * lobe.shape_error**2)
-    # An albedo over the angle alone says nothing of a material that looks different turned
+    # An albedo by polar angle cannot represent anisotropy
     return float(left_out * min(1.0, uneven + lobe.anisotropy**2))
 
 
@@ -155,17 +155,17 @@ def _closed_form(lobe: LobeProbe, light: LightProbe) -> str:
         return "closed form: under a constant sky, its radiance times the albedo of the angle"
     if lobe.kind == "diffuse":
         return "closed form: the irradiance of the normal, times the albedo of the angle over π"
-    return "its light is negligible here, or even"
+    return "its light is negligible or nearly constant here"
 
 
 def _without_views(material: MaterialProbe, light: LightProbe) -> str:
     if light.is_black:
         return "there is no light"
     if light.variance <= NEGLIGIBLE:
-        return "under a constant sky every map is that sky's radiance times the albedo: none need be baked"
+        return "under a constant sky every map is its radiance times the albedo: none is baked"
     kinds = {lobe.kind for lobe in material.lobes}
     if kinds == {"diffuse"}:
-        return "a matte material looks the same from everywhere: one map indexed by the normal"
+        return "a matte material looks the same from every view: one map indexed by the normal"
     if kinds == {"mirror"}:
         return "a perfect mirror needs no bake: environment lookup times Fresnel"
     return "every lobe has a closed form"

@@ -1,4 +1,4 @@
-"""A model of the maps that a bake makes: each lobe's albedo of the angle, times the sky as that lobe dampens it."""
+"""Model of a bake's maps: the albedo of each lobe times the environment filtered by that lobe."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ Image = NDArray[np.float64]
 
 _ROWS, _COLUMNS = 128, 256
 _SHARP = 0.5
-"""Factor on the last band from which on a lobe shows the sky itself: cut off there, its harmonics would ring."""
+"""Attenuation of the last band above which the unfiltered map is used: truncated harmonics would ring."""
 
-_JUDGED = 64
+_JUDGED = 64  # texels a side of the maps that are compared
 
 
 def modelled_lobes(lobes: Sequence[Lobe], probes: Sequence[LobeProbe], light: LightProbe, size: int) -> list[Image]:
-    """Radiance of each lobe over the map, relative to the sky's mean in each channel.
+    """Modelled radiance of each lobe over a sphere map, relative to the mean of the environment.
 
     Parameters
     ----------
     lobes, probes : Lobe, LobeProbe
         The lobes of the material, in the same order.
     light : LightProbe
-        The environment.
+        Measurements of the environment.
     size : int
         Texels a side.
 
     Returns
     -------
     list of ndarray, each of shape (size, size, 3)
-        Evaluated at the texels' centres; NaN outside the disk.
+        Values at the texels' centres; NaN outside the disk.
     """
     centre = (np.arange(size) + 0.5) * 2 / size - 1
     x, y = np.meshgrid(centre, -centre)
@@ -55,7 +55,15 @@ def modelled_lobes(lobes: Sequence[Lobe], probes: Sequence[LobeProbe], light: Li
 
 
 def left_out_errors(lobes: Sequence[Lobe], probes: Sequence[LobeProbe], light: LightProbe) -> list[float]:
-    """Error (relMSE, as `rsibr validate` has it) of maps that lack each lobe, by the model: at most 1."""
+    """Modelled error of maps without each lobe: relMSE as of `rsibr validate`, at most 1.
+
+    Parameters
+    ----------
+    lobes, probes : Lobe, LobeProbe
+        The lobes of the material, in the same order.
+    light : LightProbe
+        Measurements of the environment.
+    """
     if light.is_black:
         return [0.0] * len(probes)
     images = modelled_lobes(lobes, probes, light, _JUDGED)
@@ -64,15 +72,15 @@ def left_out_errors(lobes: Sequence[Lobe], probes: Sequence[LobeProbe], light: L
 
 
 def relative_error(difference: Image, truth: Image) -> float:
-    """Mean of d²/(b² + (0.1 mean b)²), a channel at a time, NaN texels aside."""
+    """relMSE: mean of d²/(b² + (0.1 mean b)²), with the mean of b per channel; NaN texels are ignored."""
     floor = (0.1 * np.nanmean(truth, axis=(0, 1))) ** 2 + 1e-30
     return float(np.nanmean(difference**2 / (truth**2 + floor)))
 
 
 def _sky(probe: LobeProbe, light: LightProbe) -> Image:
-    """The sky over its mean as the lobe shows it, on a latitude–longitude grid."""
+    """Environment over its mean, filtered by the lobe, on a latitude–longitude grid."""
     factors = attenuation(probe)
-    if light.variance == UNRESOLVED:  # not on any grid: what is left is the albedo of the angle
+    if light.variance == UNRESOLVED:  # no grid resolves it: only the albedo is modelled
         return np.ones((_ROWS, _COLUMNS))
     if probe.kind != "diffuse" and factors[-1] > _SHARP:
         return light.small

@@ -1,4 +1,4 @@
-"""Measures the material: what of it depends on the view, on colour, on how it is turned, and on the place."""
+"""Measurements of the material: dependence on view angle, colour, rotation and position."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from rsibr.lobes.low_discrepancy import sobol
 from rsibr.lobes.split import Lobe, LobeSplit
 
 COSINES = (0.95, 0.75, 0.5, 0.25)
-"""Viewing angles at which the BRDF is probed."""
+"""Cosines of the view angles at which the BRDF is evaluated."""
 
 TURNS = (0.7, 2.1, 4.4)
-"""Angles [rad] by which both directions are turned about the normal to find an anisotropy."""
+"""Angles [rad] of rotation about the normal by which anisotropy is measured."""
 
 _DRAWS = 2**9
 _SEED = 17
@@ -25,24 +25,24 @@ _SEED = 17
 
 @dataclass(frozen=True, eq=False)
 class LobeProbe:
-    """One lobe, as far as a plan has to know it.
+    """Measurements of one lobe.
 
     Attributes
     ----------
     name : str
         Name of its layer.
     alpha : float
-        Its roughness; see `rsibr.lobes.split.Lobe`.
+        Roughness α; see `rsibr.lobes.split.Lobe`.
     albedo : ndarray, shape (3,)
-        Its directional albedo, mean over the disk of a sphere map.
+        Directional albedo, mean over the disk of a sphere map.
     share : float
-        Its share of all reflected light, mean over the disk and the channels.
+        Share of the reflected light, mean over the disk and the channels.
     shape_error : float
-        How far it is from E(θ_o) cos θ_i / π: root mean square over its energy, relative. 0 for Lambert's lobe.
+        Relative root mean square deviation from E(θ_o) cos θ_i / π; 0 for a Lambertian lobe.
     kind : {"diffuse", "glossy", "mirror"}
-        How it is warped.
+        Selects the warp.
     anisotropy : float
-        That of the whole material without its mirror: which lobe has it is not asked.
+        Anisotropy of the whole material without its delta lobe, not of this lobe.
     """
 
     name: str
@@ -56,24 +56,24 @@ class LobeProbe:
 
 @dataclass(frozen=True, eq=False)
 class MaterialProbe:
-    """What the material is like.
+    """Measurements of a material.
 
     Attributes
     ----------
     lobes : tuple of LobeProbe
-        Its lobes, widest first; a delta mirror last.
+        Its lobes, widest first; a delta lobe last.
     albedo : ndarray, shape (NODES, 3)
-        Directional albedo of all lobes over the viewing angle.
+        Directional albedo of all lobes together by view angle.
     chroma : float
-        Root mean square of green and blue against red, relative: 0 for a grey material.
+        Relative root mean square difference of green and blue from red: 0 for a grey material.
     anisotropy : float
-        Mean change of the BRDF when both directions turn about the normal, relative to its mean.
+        Mean change of the BRDF under rotation about the normal, relative to its mean.
     variation : float
-        The same when the place on the surface changes.
+        Mean change of the BRDF over the surface, relative to its mean.
     retro_ratio : float
-        Straight back over sideways; see `rsibr.lobes.bsdf_eval.retro_ratio`.
+        See `rsibr.lobes.bsdf_eval.retro_ratio`.
     fresnel : float
-        relMSE over the disk of a material whose albedo were the same at every angle.
+        relMSE over the disk of replacing the albedo by its mean over the angle.
     """
 
     lobes: tuple[LobeProbe, ...]
@@ -101,7 +101,7 @@ def probe_material(bsdf: mi.BSDF, split: LobeSplit) -> MaterialProbe:
 
     Notes
     -----
-    Directions are drawn by the BSDF itself, where its light goes, and uniformly, where none is expected; two kernels.
+    Half of the directions are sampled from the BSDF, half uniformly. Two kernels.
     """
     albedo = np.sum([lobe.albedo for lobe in split.lobes], axis=0)
     smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
@@ -137,16 +137,16 @@ def _variation_over_angle(albedo: NDArray[np.float64]) -> float:
 
 
 def _spread(values: NDArray[np.float64], weight: NDArray[np.float64] | float = 1.0) -> float:
-    """Difference of green and blue from red, by their root mean square, relative to that of the largest."""
+    """Root mean square difference of green and blue from red, relative to that of the largest channel."""
     difference = ((values[:, 1:] - values[:, :1]) ** 2).max(axis=1)
     return float(np.sqrt((weight * difference).sum() / max((weight * values.max(axis=1) ** 2).sum(), 1e-300)))
 
 
 @dataclass(frozen=True, eq=False)
 class _Draws:
-    """The BRDF at directions drawn for this purpose: `values` f·cos θ_i [sr⁻¹] of shape (sets, n, 3).
+    """BRDF at sampled directions: `values` f·cos θ_i [sr⁻¹] of shape (sets, n, 3).
 
-    The sets: as drawn, turned by each of `TURNS`, at other places of the surface.
+    The sets: as sampled, rotated by each of `TURNS`, at random positions on the surface.
     """
 
     wi: NDArray[np.float64]
@@ -156,7 +156,8 @@ class _Draws:
 
     @classmethod
     def of(cls, bsdf: mi.BSDF) -> _Draws:
-        """Draw the directions, and evaluate all sets in one kernel."""
+        """Sample the directions, and evaluate all sets in one kernel."""
+        # Half of the light directions from the BSDF, half uniform over the hemisphere
         u = sobol(5, _DRAWS * len(COSINES), seed=_SEED).astype(np.float32)
         cosine = np.repeat(COSINES, _DRAWS)
         wo = np.stack([np.sqrt(1 - cosine**2), np.zeros_like(cosine), cosine], axis=1)
@@ -166,30 +167,29 @@ class _Draws:
         sine = np.sqrt(1 - height**2)
         uniform = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), height], axis=1).astype(np.float64)
         wi, wo = np.concatenate([by_bsdf, uniform]), np.concatenate([wo, wo])
+        # Values of all sets, and the weights of the balance heuristic
         usable = np.isfinite(wi).all(axis=1) & (wi[:, 2] > 1e-4)
         values, density = _evaluate(bsdf, wi, wo, usable)
         return cls(wi, wo, values, np.where(usable, 1 / (density + 1 / (2 * np.pi)), 0))
 
     @property
     def chroma(self) -> float:
-        """Difference of green and blue from red."""
+        """Relative difference of green and blue from red."""
         return _spread(self.values[0], self.weight)
 
     @property
     def anisotropy(self) -> float:
-        """Mean change under a turn, the largest of all turns."""
+        """Mean change under rotation, the largest of all angles."""
         return max(self._change(k) for k in range(1, 1 + len(TURNS)))
 
     @property
     def variation(self) -> float:
-        """Mean change from place to place."""
+        """Mean change over the surface."""
         return self._change(1 + len(TURNS))
 
     def shape_errors(self, split: LobeSplit) -> list[float]:
-        """Distance of each smooth lobe from E(θ_o) cos θ_i / π; see `LobeProbe.shape_error`."""
-        uniform = slice(
-            len(self.wi) // 2, None
-        )  # the second half is drawn evenly: no lobe is hidden by its own density
+        """Deviation of each smooth lobe from E(θ_o) cos θ_i / π; see `LobeProbe.shape_error`."""
+        uniform = slice(len(self.wi) // 2, None)  # uniform directions resolve every lobe equally
         wi, wo, value = self.wi[uniform], self.wo[uniform], self.values[0][uniform]
         errors = []
         for share in split.shares(_device(wi), _device(wo)):
@@ -205,8 +205,8 @@ class _Draws:
 
 
 def _distance_from_lambert(part: NDArray[np.float64], cosine: NDArray[np.float64]) -> float:
-    """Relative distance of f·cos θ_i, shape (angles, n, 3), from its own mean at each angle times the cosine."""
-    # The mean is taken over the same points, so that their noise does not count as shape
+    """Relative deviation of f·cos θ_i, shape (angles, n, 3), from the Lambertian lobe of equal energy at each angle."""
+    # Mean over the same points, so that quadrature noise does not count as deviation
     lambert = part.sum(axis=1, keepdims=True) / cosine.sum(axis=1, keepdims=True) * cosine
     return float(np.sqrt(((part - lambert) ** 2).sum() / max((lambert**2).sum(), 1e-300)))
 
@@ -214,7 +214,7 @@ def _distance_from_lambert(part: NDArray[np.float64], cosine: NDArray[np.float64
 def _evaluate(
     bsdf: mi.BSDF, wi: NDArray[np.float64], wo: NDArray[np.float64], usable: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """BRDF times cosine of all sets, and the density of the BSDF's own sampling, in one launch."""
+    """BRDF times cosine of all sets, and the density of the BSDF's sampling, in one kernel launch."""
     turned = [(_turned(wi, angle), _turned(wo, angle)) for angle in (0.0, *TURNS, 0.0)]
     lights, views = (_device(np.concatenate(part)) for part in zip(*turned, strict=True))
     si = interaction(views)

@@ -1,4 +1,4 @@
-"""How far the product of two RGB colours is from the colour of the product of two spectra."""
+"""Metamerism error: product of two RGB colours against the colour of the product of two spectra."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ _Pigment = tuple[str, Samples, NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Mismatch:
-    """The pair of light and pigment whose colour RGB misses most.
+    """Pair of light and pigment with the largest colour error in RGB.
 
     Attributes
     ----------
     light, pigment : str
-        What they are called.
+        Their names.
     difference : float
-        ΔE_ITP (ITU-R BT.2124-0) at 100 cd/m² on white; 1 can just be told.
+        ΔE_ITP (ITU-R BT.2124-0) with white at 100 cd/m²; 1 is just noticeable.
     rel_mse : float
         Squared difference over the squared colour, mean over the channels.
     """
@@ -50,24 +50,24 @@ class Mismatch:
 
 
 def rgb_mismatch(material: Mapping[str, Any] | Path | None, emitter: Mapping[str, Any] | None) -> Mismatch | None:
-    """Compare the colours that spectra and RGB give, over all pairs of a given light and a given pigment.
+    """Compare spectral and RGB colours over all pairs of a given light and a given pigment.
 
     Parameters
     ----------
     material : mapping, Path or None
         BSDF as plain data, or Mitsuba XML.
     emitter : mapping or None
-        Light as plain data. Where it has no spectrum, as a map has none, it counts as daylight (D65).
+        Light as plain data. Without a spectrum, as for an image, it counts as daylight (D65).
 
     Returns
     -------
     Mismatch or None
-        None where the material has no spectra: a pigment in RGB has whatever spectrum gives that colour.
+        None if the material has no spectra: any spectrum of that colour is valid for an RGB pigment.
 
     Raises
     ------
     InputError
-        If a spectrum is none.
+        If a spectrum is invalid.
 
     Notes
     -----
@@ -105,7 +105,7 @@ def _mismatch(colour: Any, light: tuple[str, Samples | None], pigment: _Pigment)
 
 
 def _distribution(colour: Any, samples: Samples) -> Any:
-    """On the wavelengths of `_RANGE`: linear between the samples, nothing beyond, as Mitsuba reads them."""
+    """Samples on the wavelengths of `_RANGE`: linear between them, zero beyond, as in Mitsuba."""
     wavelengths = np.arange(_RANGE[0], _RANGE[1] + 1.0)
     given = np.array(samples, dtype=np.float64)
     values = np.interp(wavelengths, given[:, 0], given[:, 1], left=0, right=0)
@@ -113,7 +113,7 @@ def _distribution(colour: Any, samples: Samples) -> Any:
 
 
 def _metal(name: str) -> tuple[Samples, NDArray[np.float64]]:
-    """Reflectance of a measured metal head-on, as Mitsuba's spectral and RGB modes have it."""
+    """Reflectance of a measured metal at normal incidence in Mitsuba's spectral and RGB modes."""
     with backend.rendering("spectral"):
         nm = mi.UnpolarizedSpectrum([mi.Float(row) for row in _METAL_GRID.reshape(4, -1).astype(np.float32)])
         values = np.array(_head_on(name, nm), dtype=np.float64).ravel()

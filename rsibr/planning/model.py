@@ -1,4 +1,4 @@
-"""A cheap model of the reflected light, by which a plan estimates errors: lobes as filters of the sky's harmonics."""
+"""Model by which a plan estimates errors: lobes as filters of the environment's spherical harmonics."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from rsibr.light.probe import UNRESOLVED, LightProbe
 from rsibr.planning.material_probe import LobeProbe
 
 SECOND_MOMENT = 0.4
-"""Variance of a GGX lobe in half-vector space over α²: 0.35 to 0.5 fit measured lobes."""
+"""Variance of a GGX lobe over half-vectors, relative to α²; measured lobes have 0.35 to 0.5."""
 
 _FARTHEST = 0.6524
-"""Angle [rad] from the centroid of an icosahedron's face to its vertices; about half with each subdivision."""
+"""Angle [rad] from the centroid of an icosahedron's face to its vertices; about halved by each subdivision."""
 
 _NORMALS = 2**12
 
 
 def attenuation(lobe: LobeProbe, lmax: int = LMAX) -> NDArray[np.float64]:
-    """Factor by which a lobe of that kind dampens each band of the sky, shape (lmax + 1,).
+    """Factor by which a lobe attenuates each band of the environment, shape (lmax + 1,).
 
     Notes
     -----
@@ -36,12 +36,12 @@ def attenuation(lobe: LobeProbe, lmax: int = LMAX) -> NDArray[np.float64]:
 
 
 def reflected_variance(alpha: float) -> float:
-    """Variance [rad²] of a microfacet lobe around its mirror direction, mean of both axes and over the disk."""
+    """Variance [rad²] of a GGX lobe around its mirror direction, mean of both axes and over the disk."""
     return 4 * SECOND_MOMENT * alpha**2 * 0.75  # ⟨(1 + cos² θ)/2⟩ over the disk
 
 
 def relative_power(lobe: LobeProbe, light: LightProbe) -> float:
-    """⟨L²⟩/⟨L⟩² of the sky as the lobe shows it: 1 for a constant one, `UNRESOLVED` for a source without extent."""
+    """⟨L²⟩/⟨L⟩² of the environment filtered by the lobe: 1 if constant, `UNRESOLVED` for a source without extent."""
     if light.variance == UNRESOLVED:
         return UNRESOLVED
     factors = attenuation(lobe) ** 2
@@ -49,15 +49,24 @@ def relative_power(lobe: LobeProbe, light: LightProbe) -> float:
 
 
 def interpolation_error(lobe: LobeProbe, left_out: float, light: LightProbe, views: int) -> float:
-    """Error (relMSE) of a glossy lobe interpolated between stored views, estimated before any correction.
+    """Estimated error (relMSE) of a glossy lobe interpolated between stored views, before any correction.
 
-    `left_out` is the relMSE that leaving the lobe out would make: its weight.
+    Parameters
+    ----------
+    lobe : LobeProbe
+        The lobe; lobes of other kinds have no error.
+    left_out : float
+        relMSE of leaving the lobe out: its weight in the whole.
+    light : LightProbe
+        Measurements of the environment.
+    views : int
+        Number of stored views.
 
     Notes
     -----
-    The warped source's kernel has the covariance of another angle; to second order the error is ½ ΔM : ∇∇L.
-    Averaged over an isotropic field, ⟨H_ij H_kl⟩ = (δ_ij δ_kl + δ_ik δ_jl + δ_il δ_jk)/8 · ⟨(∇²L)²⟩, with ∇²
-    the Laplacian on the sphere, −l(l+1) in band l. What lies beyond the last band counts as if at the worst one.
+    A warped source has the lobe covariance of another view angle; to second order its error is ½ ΔM : ∇∇L. Averaged
+    over an isotropic field, ⟨H_ij H_kl⟩ = (δ_ij δ_kl + δ_ik δ_jl + δ_il δ_jk)/8 · ⟨(∇²L)²⟩, with ∇² the Laplacian on
+    the sphere, −l(l+1) in band l. Power beyond the last band is treated as if in the worst one.
     """
     if lobe.kind != "glossy" or light.is_black:
         return 0.0
@@ -67,7 +76,7 @@ def interpolation_error(lobe: LobeProbe, left_out: float, light: LightProbe, vie
 
 
 def _curvature(lobe: LobeProbe, light: LightProbe) -> float:
-    """⟨(∇²L)²⟩/⟨L²⟩ of the sky as a glossy lobe shows it [rad⁻⁴]."""
+    """⟨(∇²L)²⟩/⟨L²⟩ of the environment filtered by a glossy lobe [rad⁻⁴]."""
     variance = reflected_variance(lobe.alpha)
     if light.variance == UNRESOLVED:
         return 2 / variance**2  # of a Gaussian spot, in the plane
@@ -93,14 +102,16 @@ def _lambert_factors(lmax: int) -> NDArray[np.float64]:
 
 
 def _covariance_change(distance: float) -> tuple[float, float]:
-    """Mean of tr² and of the squared norm of the blended ΔM, in units of its scale, over the disk at a centroid."""
+    """Mean over the disk of tr² and of the squared norm of the blended ΔM at a centroid, in units of its scale."""
+    # Normals, mirror directions and lobe covariance of the centroid's view
     index = np.arange(_NORMALS) + 0.5
-    radius, turn = np.sqrt(index / _NORMALS), index * np.pi * (3 - 5**0.5)  # a sunflower: even over the disk
+    radius, turn = np.sqrt(index / _NORMALS), index * np.pi * (3 - 5**0.5)  # Fibonacci spiral: uniform over the disk
     n = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - radius**2)], axis=1)
     z = np.array([0.0, 0.0, 1.0])
     r = 2 * n[:, 2:] * n - z
     a, b = _tangents(r, np.broadcast_to(z, r.shape))
     own = _covariance(a, b, n[:, 2], a, b)
+    # Mean difference from the covariances of the three stored views
     blended = np.zeros_like(own)
     for azimuth in np.arange(3) * 2 * np.pi / 3:
         v = np.array([np.sin(distance) * np.cos(azimuth), np.sin(distance) * np.sin(azimuth), np.cos(distance)])

@@ -1,4 +1,4 @@
-"""The plan: which effects a scene calls for, with the evidence, the cost and what leaving each out would do."""
+"""Plan of a bake: the effects that the scene requires, with evidence, cost and the error of leaving each out."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ Forced = Literal["on", "off"] | None
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 NEGLIGIBLE = 1e-5
-"""Error (relMSE) that no one misses: below the noise of 1000 samples a texel on a glossy material under a real sky."""
+"""Error (relMSE) that is negligible: below the noise of 1000 samples a texel on a glossy material under a real sky."""
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect: something that costs time and may not matter here.
+    """One effect: a part of the simulation that costs time and may not matter in this scene.
 
     Attributes
     ----------
     name : str
-        As the section `effects` of a config calls it, where it can be forced.
+        Name in the section `effects` of a config, where it can be forced.
     on : bool
         Whether the bake simulates it.
     forced : {"on", "off"} or None
-        What the config insists on; None where the evidence decided.
+        Value forced by the config; None if the evidence decided.
     evidence, threshold : float
-        The measured number; above the threshold the effect matters.
+        Measured number, and the threshold above which the effect matters.
     unit : str
-        What the evidence is.
+        Description of the evidence.
     why : str
         The decision in words.
     cost_seconds, cost_bytes
-        What it costs the whole bake if on; None where that was not measured. 0 if off.
+        Cost for the whole bake if on; None if not measured. 0 if off.
     saved_seconds, saved_bytes
-        What leaving it out saves; None where that was not measured. 0 if on.
+        Saving from leaving it out; None if not measured. 0 if on.
     error_if_left_out : float or None
-        relMSE that leaving it out would make, estimated; `rsibr validate` measures it. None where it has no estimate.
+        Estimated relMSE of leaving it out; `rsibr validate` measures it. None if there is no estimate.
     """
 
     __pydantic_config__ = _STRICT
@@ -65,11 +65,11 @@ class Effect:
 
     @property
     def missed(self) -> bool:
-        """Whether it matters here and is left out: by force, or because maps cannot hold it."""
+        """Whether it matters here and is left out: forced off, or not representable by maps."""
         return self.matters and not self.on
 
     def costing(self, seconds: float | None, size: int | None) -> Effect:
-        """Return the same effect with what it costs, or saves where it is off [s, bytes]."""
+        """Return the same effect with its cost, or its saving if it is off [s, bytes]."""
         if self.on:
             return replace(self, cost_seconds=seconds, cost_bytes=size)
         return replace(self, saved_seconds=seconds, saved_bytes=size)
@@ -77,23 +77,23 @@ class Effect:
 
 @dataclass(frozen=True)
 class LobePlan:
-    """Whether a lobe needs maps of its own, and from how many views.
+    """Decision on a lobe: whether it needs maps, and from how many views.
 
     Attributes
     ----------
     name : str
         Name of its layer.
     maps_needed : bool
-        Whether maps are needed at all; without, its radiance has a closed form: see `rsibr.planning.lobes`.
+        Whether maps are needed; otherwise its radiance has a closed form, see `rsibr.planning.lobes`.
     views_needed : int
-        Stored views from which on interpolation errs negligibly, by the estimate; 0 without maps.
+        Number of stored views at which the estimated interpolation error is small; 0 without maps.
     evidence, threshold : float
-        relMSE of the closed form, estimated, and the threshold below which it serves.
+        Estimated relMSE of the closed form, and the threshold up to which it is used.
     why : str
         The decision in words.
     own_views : int or None
-        The first so many views store it as a layer of its own, the others added to further lobes; None where all views
-        do, and in plans older than this field. See `rsibr.planning.views`.
+        Number of views that store it as a layer of its own, the first ones; the others store it added to further lobes.
+        None if all views do, and in plans older than this field. See `rsibr.planning.views`.
     """
 
     __pydantic_config__ = _STRICT
@@ -109,28 +109,28 @@ class LobePlan:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a bake simulates. Recorded in its manifest.
+    """Decisions on what a bake simulates. Recorded in its manifest.
 
     Attributes
     ----------
     effects : tuple of Effect
-        All that were looked at.
+        All effects that were considered.
     lobes : tuple of LobePlan
-        Each lobe of the material that is not left out, widest first.
+        Lobes of the material that are simulated, widest first.
     left_out : tuple of str
-        Names of the lobes that the config forces off: their light is missing from the maps.
+        Names of the lobes that the config forces off; their light is missing from the maps.
     grey : bool
         Whether one channel is rendered and stored.
     light_samples : bool
-        Whether directions are drawn from the light beside those from the BSDF.
+        Whether the emitter is sampled besides the BSDF.
     resolution : int
         Texels a side of the maps.
     seconds, bytes
-        Of the whole bake as planned; None where not measured.
+        Cost of the whole bake as planned; None if not measured.
     probe_seconds : float
-        Time that looking at the material and the light took.
+        Time that measuring the material and the light took.
     costs_from : str
-        Where the costs come from.
+        Origin of the costs, for display.
     """
 
     __pydantic_config__ = _STRICT
@@ -147,7 +147,7 @@ class Plan:
     costs_from: str
 
     def __getitem__(self, name: str) -> Effect:
-        """Return the effect of that name; KeyError where there is none."""
+        """Return the effect of that name; KeyError if there is none."""
         for effect in self.effects:
             if effect.name == name:
                 return effect
@@ -155,12 +155,12 @@ class Plan:
 
     @property
     def needs_views(self) -> bool:
-        """Whether some lobe needs maps from several views, having no closed form that is good enough."""
+        """Whether some lobe has no sufficient closed form and needs maps from several views."""
         return any(lobe.maps_needed for lobe in self.lobes)
 
     @property
     def rendering(self) -> Rendering:
-        """What is carried along a path."""
+        """Rendering of the maps: "rgb", "spectral" or "spectral_polarized"."""
         return rendering_of(self.effects)
 
     @property
@@ -184,7 +184,7 @@ def decided(
     why_off: str,
     error_if_left_out: float | None = None,
 ) -> Effect:
-    """Decide by the evidence, unless the config insists.
+    """Decide by the evidence, unless the config forces the decision.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def decided(
     forced : str
         "auto", "on" or "off".
     why_on, why_off : str
-        The decision in words, either way.
+        Reason for either decision.
 
     Returns
     -------
@@ -210,7 +210,7 @@ def decided(
 
 
 def flagged(name: str, evidence: float, threshold: float, unit: str, why: str, why_not: str) -> Effect:
-    """Make an effect that maps cannot hold: looked for, never on."""
+    """Make an effect that maps cannot represent: measured, never on."""
     matters = evidence > threshold
     return Effect(
         name, False, None, evidence, threshold, unit, why if matters else why_not,
@@ -219,7 +219,7 @@ def flagged(name: str, evidence: float, threshold: float, unit: str, why: str, w
 
 
 def rendering_of(effects: Iterable[Effect]) -> Rendering:
-    """What is carried along a path where these effects are decided so; RGB where nothing is said of it."""
+    """Rendering that follows from the effects; "rgb" if none concerns it."""
     on = {effect.name for effect in effects if effect.on}
     if "polarisation" in on:
         return "spectral_polarized"
@@ -227,12 +227,12 @@ def rendering_of(effects: Iterable[Effect]) -> Rendering:
 
 
 def number(value: float) -> str:
-    """Write a number of a plan for a person."""
+    """Format a number for display, with three significant digits."""
     return "0" if value == 0 else f"{value:.3g}"
 
 
 def unique(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """Put effects into a tuple; ValueError where two share a name."""
+    """Collect effects in a tuple; ValueError if two share a name."""
     found = tuple(effects)
     if len({effect.name for effect in found}) != len(found):
         raise ValueError("two effects share a name")

@@ -1,4 +1,4 @@
-"""Puts the plan of a scene together: what was measured, and what follows from it."""
+"""Measurement of a scene, and the plan that follows from it."""
 
 from __future__ import annotations
 
@@ -27,16 +27,18 @@ NOT_MEASURED = "not measured"
 
 @dataclass(frozen=True, eq=False)
 class Probes:
-    """What a plan goes by.
+    """Measurements that a plan is based on.
 
     Attributes
     ----------
     light : LightProbe
+        Statistics of the environment.
     material : MaterialProbe
+        Measurements of the material.
     split : LobeSplit
         The material's lobes.
     seconds : float
-        Time that measuring all of it took.
+        Time that the measurements took.
     """
 
     light: LightProbe
@@ -46,25 +48,28 @@ class Probes:
 
     @property
     def wants_pilot(self) -> bool:
-        """Whether sampling the light is a question: an even sky, and a lobe that can be sampled by it."""
+        """Whether emitter sampling must be decided by a pilot: an even sky, and a lobe that is not a delta lobe."""
         glossy_or_matte = any(lobe.kind != "mirror" for lobe in self.material.lobes)
         return is_even(self.light) and glossy_or_matte and not self.light.is_black
 
 
-def probe_scene(environment: Environment, bsdf: mi.BSDF) -> Probes:
+def probe_scene(environment: Environment, bsdf: mi.BSDF, split: LobeSplit | None = None) -> Probes:
     """Measure the material and the light.
 
     Parameters
     ----------
     environment : Environment
+        Environment of the scene.
     bsdf : mi.BSDF
+    split : LobeSplit, optional
+        Of the BSDF, where it is known already; by default it is fitted here.
 
     Returns
     -------
     Probes
     """
     start = time.perf_counter()
-    split = LobeSplit.of(bsdf)
+    split = split or LobeSplit.of(bsdf)
     material = probe_material(bsdf, split)
     light = probe_light(environment.emitter(), environment.image)
     return Probes(light, material, split, time.perf_counter() - start)
@@ -76,31 +81,33 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     Parameters
     ----------
     config : Config
-        Its section `effects` may force decisions.
+        Config of the bake; its section `effects` may force decisions.
     probes : Probes
         From `probe_scene`.
     sampling_ratio : float or None
-        Variance by the BSDF's samples alone over that with the light's; None where `Probes.wants_pilot` is not so.
+        Variance of BSDF sampling alone over that of both; None unless `Probes.wants_pilot`.
 
     Returns
     -------
     Plan
-        Without its costs; see `rsibr.planning.costs`.
+        The decisions without their costs; for these see `rsibr.planning.costs`.
 
     Raises
     ------
     InputError
-        If what the config forces leaves nothing to bake.
+        If the config forces all lobes off.
     """
+    # Modelled error of leaving out each lobe
     start = time.perf_counter()
     settings, light, material = config.effects, probes.light, probes.material
     errors = left_out_errors(probes.split.lobes, material.lobes, light)
     left_out = {lobe.name: error for lobe, error in zip(material.lobes, errors, strict=True)}
-    asked = Resolution(config.map.resolution, "resolution" in config.map.model_fields_set)
+    asked = Resolution(config.map.side, explicit=config.map.resolution != "auto")
     full, resolution = resolution_effect(probes.split.lobes, material.lobes, light, asked, settings)
     spectra = ColourEffects.of(config)
     colour = colour_effect(material, light, settings, spectra.rendering != "rgb")
     sampling = sampling_effect(light, material, sampling_ratio, settings, config.sampling)
+    # Lobes, and the views that store them
     of_material = tuple(_of_the_material(config, probes, left_out, spectra.breaks_closed_forms))
     carried = (colour, spectra.spectral, spectra.polarisation)
     kept, dropped = _kept(material, of_material)

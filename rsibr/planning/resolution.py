@@ -1,4 +1,4 @@
-"""How few texels a map can have: a model of the map, held against itself at a lower resolution."""
+"""Sufficient resolution of a map: a modelled map compared with itself at lower resolutions."""
 
 from __future__ import annotations
 
@@ -13,23 +13,25 @@ from rsibr.planning.material_probe import LobeProbe
 from rsibr.planning.model import attenuation
 
 LEAST_RESOLUTION = 32
-"""Texels a side below which no map is lowered."""
+"""Lowest resolution that is chosen, texels a side."""
 
 _MODELLED = 256
-"""Texels a side of the model at most; a larger map is judged as if it had so many."""
+"""Highest resolution of the model, texels a side; larger maps are judged by it."""
 
 
 def enlarged_error(
     lobes: list[Lobe], probes: tuple[LobeProbe, ...], light: LightProbe, resolution: int, lower: int
 ) -> float:
-    """Error (relMSE) of a map of `lower`² texels, enlarged to `resolution`², by the model; bands beyond count in full.
+    """Modelled error (relMSE) of a map of `lower`² texels, enlarged to `resolution`².
+
+    The power beyond the last harmonic band counts as error in full.
 
     Parameters
     ----------
     lobes, probes : Lobe, LobeProbe
         The lobes of the material, in the same order.
     light : LightProbe
-        The environment, in harmonics.
+        Statistics of the environment.
     resolution, lower : int
         Texels a side; `lower` divides `resolution`.
     """
@@ -48,14 +50,14 @@ def enlarged_error(
 def sufficient_resolution(
     lobes: list[Lobe], probes: tuple[LobeProbe, ...], light: LightProbe, resolution: int, threshold: float
 ) -> tuple[int, float]:
-    """Lowest resolution, halved again and again from the one asked for, that errs by no more than the threshold.
+    """Lowest resolution, by repeated halving, whose modelled error is at most the threshold.
 
     Returns
     -------
     resolution : int
-        The one asked for where none below it suffices.
+        Texels a side; the given resolution if no lower one suffices.
     error : float
-        relMSE of the next lower one where it is the one asked for; otherwise its own.
+        relMSE of the result; of the next lower resolution if the result is the given one.
     """
     lowest, error = resolution, 1.0
     candidate = resolution
@@ -76,7 +78,7 @@ def _reduced(image: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
 
 
 def _enlarged(small: NDArray[np.float64], size: int) -> NDArray[np.float64]:
-    """Bilinear interpolation, texels outside the disk taking no part."""
+    """Enlarge by bilinear interpolation, ignoring texels outside the disk."""
     at = (np.arange(size) + 0.5) * len(small) / size - 0.5
     grid = np.meshgrid(at, at, indexing="ij")
     weight = map_coordinates(np.isfinite(small).astype(float), grid, order=1, mode="nearest")

@@ -1,8 +1,8 @@
-"""In how many of the stored views each lobe is a layer of its own.
+"""Number of stored views in which each lobe is a layer of its own.
 
-The views of an icosphere are nested: its first 12 are the icosahedron, its first 42 that subdivided once, and so on. A
-lobe that needs fewer views than are stored is a layer of its own in the first ones only. In the others the lobes that
-are done so are added up to one layer, so that the sum of all layers is the whole map in every view.
+The views of an icosphere are nested: the first 12 are the icosahedron, the first 42 its first subdivision, and so on. A
+lobe that needs fewer views than are stored is a layer of its own in the first views only. In the other views such lobes
+are added to one layer, so that the sum of all layers is the whole map in every view.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ _UNIT = "views that all lobes but one need at least"
 def lobe_views(
     lobes: tuple[LobePlan, ...], views: ViewsConfig, settings: EffectsConfig
 ) -> tuple[Effect, tuple[LobePlan, ...]]:
-    """Decide whether every view keeps all lobes apart, and if not, how many views do for each lobe.
+    """Decide whether every view stores a layer for each lobe, and if not, how many views do.
 
     Parameters
     ----------
     lobes : tuple of LobePlan
         The lobes that are stored, with the views that each needs.
     views, settings
-        Of the config. `effects.lobe_views`: "on", every lobe in every view; "off", none in more than the next smaller
-        count of nested views, whatever it needs.
+        Sections of the config. `effects.lobe_views`: "on", every lobe in every view; "off", no lobe in more than the
+        next smaller number of nested views, whatever it needs.
 
     Returns
     -------
     effect : Effect
-        On where every view keeps all lobes apart. Its error is that of the maps, none: their sum stays.
+        On if every view stores all lobes. It causes no error in the maps: the sum of the layers is the same.
     lobes : tuple of LobePlan
-        The same, with `LobePlan.own_views`.
+        The same lobes with `LobePlan.own_views` set.
     """
-    count = VIEW_COUNTS[views.subdivision]
+    count = VIEW_COUNTS[views.level]
     fewer = max((smaller for smaller in VIEW_COUNTS if smaller < count), default=0)
     forced, why_on = settings.lobe_views, "each lobe is a layer of its own in all views"
     if alike := _why_all_alike(lobes, views, settings, fewer):
@@ -55,9 +55,9 @@ def lobe_views(
 
 
 def own_views(lobes: Sequence[LobePlan], most: int) -> list[int]:
-    """Views in which each of several lobes is a layer of its own: those that it needs, of `most`, at least 12.
+    """Number of views in which each lobe is a layer of its own: the number it needs, from 12 to `most`.
 
-    The lobe that needs fewest stays as long as the next one does: by itself there is nothing to add it to.
+    The lobe that needs fewest gets as many as the second: a single lobe has no other to be added to.
     """
     needed = [min(max(lobe.views_needed, VIEW_COUNTS[0]), most) for lobe in lobes]
     second = sorted(needed)[1]
@@ -65,12 +65,12 @@ def own_views(lobes: Sequence[LobePlan], most: int) -> list[int]:
 
 
 def layers_spared(own: Sequence[int], count: int) -> int:
-    """Layers that `count` maps together have fewer than if each kept all lobes apart; `own`: see `own_views`."""
+    """Layers saved in `count` maps, compared with a layer for each lobe in every map; `own` from `own_views`."""
     return sum(count - number for number in sorted(own)[1:])
 
 
 def _why_all_alike(lobes: tuple[LobePlan, ...], views: ViewsConfig, settings: EffectsConfig, fewer: int) -> str:
-    """Why all views have the same layers whatever the lobes need; empty where that is not so."""
+    """Reason why all views have the same layers whatever the lobes need; empty if there is none."""
     if settings.lobes == "off":
         return "lobes are not kept apart"
     if len(lobes) == 1:
@@ -78,5 +78,5 @@ def _why_all_alike(lobes: tuple[LobePlan, ...], views: ViewsConfig, settings: Ef
     if not any(lobe.maps_needed for lobe in lobes):
         return "one map is baked"
     if views.file is not None:
-        return "views of one's own are not nested: all of them keep the lobes apart"
-    return "" if fewer else f"no lobe is kept apart in fewer than {VIEW_COUNTS[0]} views"
+        return "views from a file are not nested: every view stores all lobes"
+    return "" if fewer else f"no lobe is stored in fewer than {VIEW_COUNTS[0]} views"

@@ -1,1 +1,1 @@
-"""What is rendered: the config, the environment and the material, read and checked before Mitsuba sees them."""
+"""Scene description: config, environment and material, validated before they reach Mitsuba."""

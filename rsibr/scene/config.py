@@ -1,6 +1,6 @@
-"""The config: what to bake, at which size, from how many samples; TOML, checked by pydantic.
+"""Config of a bake: scene, views, resolution, samples, effects. TOML, validated by pydantic.
 
-Every mistake is one line that names the file, the dotted key, the value and what is allowed.
+Each error is one line that names the file, the dotted key, the value and the allowed values.
 """
 
 from __future__ import annotations
@@ -16,14 +16,13 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    SerializerFunctionWrapHandler,
     ValidationError,
     ValidationInfo,
-    model_serializer,
     model_validator,
 )
 
 from rsibr.errors import InputError
+from rsibr.scene.auto import Auto, Between
 from rsibr.scene.config_errors import describe
 from rsibr.scene.overrides import apply_overrides, override_keys
 
@@ -48,7 +47,7 @@ def _absolute_path(value: Any, info: ValidationInfo) -> Path:
 
 
 def _plugin(value: Any, info: ValidationInfo) -> dict[str, Any]:
-    """Check that a table can be a Mitsuba plugin, and make the paths under `filename` absolute."""
+    """Check that a table is a Mitsuba plugin, and make the paths under `filename` absolute."""
     return _plugin_table("", value, info)
 
 
@@ -77,16 +76,25 @@ def _plugin_value(name: str, value: Any, info: ValidationInfo) -> Any:
 NESTED_TOO_DEEPLY = "is nested too deeply"
 
 FilePath = Annotated[Path, BeforeValidator(_absolute_path)]
-"""A path, absolute once validated; a relative one starts at the folder of the config."""
+"""Path, absolute once validated; relative paths start at the folder of the config."""
 
 PluginTable = Annotated[dict[str, Any], BeforeValidator(_plugin)]
-"""A Mitsuba plugin as plain data: a `type`, and finite numbers, strings, booleans, lists and nested plugins."""
+"""Mitsuba plugin as plain data: a `type`, and finite numbers, strings, booleans, lists and nested plugins."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
+DEFAULT_RESOLUTION = 256
+"""Texels a side where nothing decides otherwise."""
+
+DEFAULT_SAMPLES = 1024
+"""Samples a texel where nothing decides otherwise."""
+
+DEFAULT_SUBDIVISION = 0
+"""Subdivisions of the icosahedron where nothing decides otherwise."""
+
 
 class _Section(BaseModel):
-    # Strict: TOML has types of its own, so `true` or `1.5` where a whole number belongs is a slip, not a spelling.
+    # Strict: TOML is typed, so that `true` or `1.5` in place of an integer is an error
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     def _require_exactly_one(self, *names: str) -> None:
@@ -96,18 +104,18 @@ class _Section(BaseModel):
 
 
 class EnvironmentConfig(_Section):
-    """The distant light: exactly one of `file` and `emitter`.
+    """Distant environment: exactly one of `file` and `emitter`.
 
     Attributes
     ----------
     file : Path, optional
         Latitude–longitude map, OpenEXR or Radiance HDR.
     emitter : dict, optional
-        Mitsuba emitter at infinity, as a plain dict.
+        Mitsuba emitter at infinity, as plain data.
     rotation_deg : float
         Rotation about +Y [°], counter-clockwise seen from above.
     scale : float
-        Factor on the radiance, positive.
+        Factor on the radiance, > 0.
     """
 
     file: FilePath | None = None
@@ -122,19 +130,19 @@ class EnvironmentConfig(_Section):
 
 
 class MaterialConfig(_Section):
-    """The material: exactly one of `preset`, `bsdf` and `file`.
+    """Material: exactly one of `preset`, `bsdf` and `file`.
 
     Attributes
     ----------
     preset : str, optional
-        Name of a material that comes with rsibr (`rsibr.scene.material.PRESETS`).
+        Name of a material shipped with rsibr (`rsibr.scene.material.PRESETS`).
     bsdf : dict, optional
-        Mitsuba BSDF as a plain dict.
+        Mitsuba BSDF as plain data.
     file : Path, optional
-        Mitsuba XML: a BSDF, or a scene with exactly one.
+        Mitsuba XML: a BSDF, or a scene that contains exactly one.
     warp : {"auto", "mirror", "normal"}
-        What the map is indexed by when it is warped as one lobe: the mirrored view direction or the surface normal.
-        `auto` takes the normal for a material that is only diffuse.
+        Direction by which a map is indexed when it is warped as one lobe: the mirror direction or the surface normal.
+        `auto` selects the normal for a purely diffuse material.
     """
 
     preset: str | None = None
@@ -149,52 +157,75 @@ class MaterialConfig(_Section):
 
 
 class ViewsConfig(_Section):
-    """The stored views: the vertices of a subdivided icosahedron, or directions of one's own.
+    """Stored views: the vertices of a subdivided icosahedron, or given directions.
 
     Attributes
     ----------
-    subdivision : int
-        0 to 5: 12, 42, 162, 642, 2562, 10242 views.
+    subdivision : int or "auto"
+        0 to 5: 12, 42, 162, 642, 2562, 10242 views. "auto": as a budget decides, otherwise `DEFAULT_SUBDIVISION`.
     file : Path, optional
         JSON with `directions` (N, 3) and `triangles` (M, 3), instead of an icosahedron.
     """
 
-    subdivision: int = Field(default=0, ge=0, le=5)
+    subdivision: Annotated[int | Auto, Between(0, 5)] = "auto"
     file: FilePath | None = None
+
+    @property
+    def level(self) -> int:
+        """Subdivisions of the icosahedron; the default where they are left open."""
+        return DEFAULT_SUBDIVISION if self.subdivision == "auto" else self.subdivision
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the config leaves it to a budget which views are stored."""
+        return self.file is None and self.subdivision == "auto"
 
     @model_validator(mode="after")
     def _one_source(self) -> ViewsConfig:
-        if self.file is not None and self.subdivision != 0:
+        if self.file is not None and self.subdivision not in ("auto", 0):  # 0: in manifests older than "auto"
             raise ValueError("give either subdivision or file, not both")
         return self
 
 
 class MapConfig(_Section):
-    """The sphere maps: `resolution` texels a side, 8 to 4096."""
-
-    resolution: int = Field(default=256, ge=8, le=4096)
-
-
-class SamplingConfig(_Section):
-    """The samples: their count, or one of `target_error` and `time_budget_s` that decides on it.
+    """The sphere maps.
 
     Attributes
     ----------
-    samples : int
-        Samples a texel, 4 to 2^24; on average, where they are adaptive.
-    target_error : float, optional
-        Noise that the stored maps may have, as relMSE, mean over the views: as many samples as that takes.
-    time_budget_s : float, optional
-        Seconds that the whole bake may take: as many samples as fit.
-    adaptive : bool
-        Whether noisier texels and views get more samples than others, where a pilot says that it pays.
-    seed : int
-        Root of all randomness.
-    clamp : float, optional
-        Radiance above which a single sample is clamped: fewer fireflies, and maps that are too dark. By default none.
+    resolution : int or "auto"
+        Texels a side, 8 to 4096. "auto": as a budget decides, otherwise `DEFAULT_RESOLUTION`, lowered where the
+        evidence says that fewer texels hold all that the light casts.
     """
 
-    samples: int = Field(default=1024, ge=4, le=2**24)
+    resolution: Annotated[int | Auto, Between(8, 4096)] = "auto"
+
+    @property
+    def side(self) -> int:
+        """Texels a side; the default where they are left open."""
+        return DEFAULT_RESOLUTION if self.resolution == "auto" else self.resolution
+
+
+class SamplingConfig(_Section):
+    """Samples: their number, or one of `target_error` and `time_budget_s` from which it follows.
+
+    Attributes
+    ----------
+    samples : int or "auto"
+        Samples a texel, 4 to 2^24; on average, where they are adaptive. "auto": as a budget, an error or a time
+        decides, otherwise `DEFAULT_SAMPLES`.
+    target_error : float, optional
+        Largest noise of the stored maps, as relMSE, mean over the views.
+    time_budget_s : float, optional
+        Duration of the whole bake [s].
+    adaptive : bool
+        Whether noisier texels and views get more samples, if a pilot predicts a gain.
+    seed : int
+        Root seed of all random numbers.
+    clamp : float, optional
+        Radiance above which a single sample is clamped: fewer fireflies, but biased, darker maps. By default none.
+    """
+
+    samples: Annotated[int | Auto, Between(4, 2**24)] = "auto"
     target_error: Finite | None = Field(default=None, gt=0.0)
     time_budget_s: Finite | None = Field(default=None, gt=0.0)
     adaptive: bool = True
@@ -202,37 +233,35 @@ class SamplingConfig(_Section):
     clamp: Finite | None = Field(default=None, gt=0.0)
 
     @property
+    def count(self) -> int:
+        """Samples a texel; the default where they are left open."""
+        return DEFAULT_SAMPLES if self.samples == "auto" else self.samples
+
+    @property
     def decided_later(self) -> bool:
-        """Whether the count of samples follows from an error or a time."""
+        """Whether the number of samples follows from an error or a duration."""
         return self.target_error is not None or self.time_budget_s is not None
 
     @model_validator(mode="after")
     def _one_count(self) -> SamplingConfig:
         counts = {name: getattr(self, name) for name in ("samples", "target_error", "time_budget_s")}
-        given = [name for name, value in counts.items() if name in self.model_fields_set and value is not None]
+        given = [name for name, value in counts.items() if value not in (None, "auto")]
         if len(given) > 1:
             raise ValueError(f"give one of {' and '.join(given)}, not {'all' if len(given) > 2 else 'both'}")
         return self
 
-    @model_serializer(mode="wrap")
-    def _without_a_count_that_was_not_asked_for(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        plain: dict[str, Any] = handler(self)
-        if self.decided_later:
-            del plain["samples"]
-        return plain
-
 
 class BudgetConfig(_Section):
-    """A budget of the whole bake: exactly one of `error` and `seconds`.
+    """Budget of the whole bake: exactly one of `error` and `seconds`.
 
-    It decides on what the config itself leaves open of `map.resolution`, `views.subdivision` and `sampling.samples`.
+    It decides on what the config leaves at "auto" of `map.resolution`, `views.subdivision` and `sampling.samples`.
 
     Attributes
     ----------
     error : float, optional
-        RelMSE that the map of a new view, made by the method `rsibr`, may have against the truth.
+        Largest relMSE of a novel view by the method `rsibr` against the path-traced reference.
     seconds : float, optional
-        Seconds that the whole bake may take.
+        Longest duration of the whole bake [s].
     """
 
     error: Finite | None = Field(default=None, gt=0.0)
@@ -245,37 +274,38 @@ class BudgetConfig(_Section):
 
 
 Switch = Literal["auto", "on", "off"]
-"""Whether an effect is simulated: as the evidence says, or by force."""
+"""Whether an effect is simulated: by evidence ("auto"), or forced."""
 
 
 class EffectsConfig(_Section):
-    """The effects, each left to the evidence ("auto") or forced; `rsibr plan` says what the evidence is.
+    """Effects, each decided by evidence ("auto") or forced; `rsibr plan` prints the evidence.
 
     Attributes
     ----------
     lobes : {"auto", "off"}
-        Whether the lobes of a material that has several are stored apart. The method `rsibr` needs them.
+        Whether a layer is stored for each lobe of the material. The method `rsibr` needs them.
     diffuse, glossy, clear_coat, mirror : Switch
-        The lobes of the material. One that is forced off is missing from the maps.
+        Lobes of the material. A lobe that is forced off is missing from the maps.
     view_dependence : Switch
-        Maps from several views. Off: what has no closed form is missing between the views.
+        Maps from several views. Off: light without a closed form is missing between the views.
     fresnel : Switch
-        Whether the albedo of each lobe goes with the surface's angle when a map is reconstructed.
+        Whether the albedo of each lobe follows the surface's view angle in a reconstruction.
     colour : Switch
-        Three channels; off: the red one stands for all.
+        Three channels; off: the red channel is used for all.
     light_sampling : Switch
-        Whether directions are drawn from the light beside those from the BSDF, as a sun needs it.
+        Whether the emitter is sampled besides the BSDF, which a sun requires.
     lobe_views : Switch
-        Whether every view keeps all lobes apart. `auto`: a lobe is kept apart in the first so many views of an
-        icosphere that it needs; in the others the lobes that need no more are one layer. Off: no lobe is kept apart in
-        more than the next smaller count of views, 12 or more.
+        Whether every view stores a layer for each lobe. `auto`: a lobe has a layer in the first views of an icosphere,
+        as many as it needs; in the other views such lobes share one layer. Off: no lobe has a layer of its own in more
+        than the next smaller number of views, at least 12.
     resolution : Switch
         Whether maps keep all their texels; off: as few a side as the evidence allows, at most half of what was asked
-        and no fewer than 32. `auto` lowers them only where the config itself does not set `map.resolution`.
+        and no fewer than 32. `auto` lowers them only where `map.resolution` is "auto" too.
     spectral : Switch
-        Light and material rendered at sampled wavelengths; maps hold the linear RGB that an observer sees of it.
+        Light and material rendered at sampled wavelengths; maps hold linear RGB.
     polarisation : Switch
-        Light and material as Mueller matrices, in spectra, for Mitsuba has no polarised RGB; maps hold the intensity.
+        Light and material rendered with Mueller matrices, spectrally, because Mitsuba has no polarised RGB variant;
+        maps hold the intensity.
     """
 
     lobes: Literal["auto", "off"] = "auto"
@@ -307,7 +337,7 @@ class EffectsConfig(_Section):
 
 
 class Config(_Section):
-    """Everything that a bake depends on. Built by `load_config` or `parse_config`."""
+    """All settings of a bake. Made by `load_config` or `parse_config`."""
 
     environment: EnvironmentConfig
     material: MaterialConfig
@@ -328,7 +358,31 @@ class Config(_Section):
         return self.model_dump(mode="json", exclude_none=True)
 
 
-def load_config(path: Path, overrides: Sequence[str] = ()) -> Config:
+ConfigLike = Config | Mapping[str, Any] | Path | str
+"""What the public functions take for a config: one already read, its tables, or the path of a TOML file."""
+
+
+def config_of(config: ConfigLike, overrides: Sequence[str] = ()) -> Config:
+    """Return the config itself, or read and check it.
+
+    Parameters
+    ----------
+    config : Config, mapping or path
+        A config, its tables (relative paths then start at the working folder), or the path of a TOML file.
+    overrides : sequence of str
+        `a.b=value`, laid over it.
+
+    Raises
+    ------
+    InputError
+        See `load_config`.
+    """
+    if isinstance(config, Config):
+        return parse_config(config.to_dict(), Path(), overrides) if overrides else config
+    return parse_config(config, Path(), overrides) if isinstance(config, Mapping) else load_config(config, overrides)
+
+
+def load_config(path: Path | str, overrides: Sequence[str] = ()) -> Config:
     """Read a config from a TOML file.
 
     Parameters
@@ -336,13 +390,13 @@ def load_config(path: Path, overrides: Sequence[str] = ()) -> Config:
     path : Path
         The file. Relative paths in it, and in the overrides, start at its folder.
     overrides : sequence of str
-        `a.b=value`, laid over the file; see `rsibr.scene.overrides.apply_overrides`.
+        `a.b=value`, applied to the file; see `rsibr.scene.overrides.apply_overrides`.
 
     Raises
     ------
     InputError
-        If the file cannot be read, is not UTF-8 or not TOML, or a key or value in it is wrong. All wrong keys are named
-        at once. Files that the config names are looked for only when they are loaded.
+        If the file cannot be read, is not UTF-8 or not TOML, or has an invalid key or value; all of these are named at
+        once. Files named in the config are checked when they are loaded.
     """
     path = Path(path)
     return parse_config(read_toml(path), path.resolve().parent, overrides, where=str(path))
@@ -351,7 +405,7 @@ def load_config(path: Path, overrides: Sequence[str] = ()) -> Config:
 def parse_config(
     data: Mapping[str, Any], base: Path, overrides: Sequence[str] = (), *, where: str = "config"
 ) -> Config:
-    """Check a config that is already a mapping; see `load_config`.
+    """Validate a config given as a mapping; see `load_config`.
 
     Parameters
     ----------
@@ -360,9 +414,9 @@ def parse_config(
     base : Path
         Folder at which relative paths start.
     overrides : sequence of str
-        `a.b=value`, laid over `data`.
+        `a.b=value`, applied to `data`.
     where : str
-        What an error names as the place.
+        Origin that an error names.
     """
     try:
         merged = apply_overrides(data, overrides)
@@ -375,7 +429,7 @@ def parse_config(
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Read the tables of a TOML file; an InputError says in one line why it cannot be read."""
+    """Read the tables of a TOML file; InputError if it cannot be read."""
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:
@@ -388,7 +442,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", where=str(path)) from None
     try:
         return tomllib.loads(text)
-    except ValueError as error:  # a number of thousands of digits is one too, and no TOMLDecodeError
+    except ValueError as error:  # also raised for integers of thousands of digits
         raise InputError(f"is not valid TOML: {error}", where=str(path)) from None
     except RecursionError:
         raise InputError(NESTED_TOO_DEEPLY, where=str(path)) from None

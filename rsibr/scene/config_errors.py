@@ -1,4 +1,4 @@
-"""What a user reads when a config is wrong: one short phrase a mistake, made from pydantic's report."""
+"""Error messages for invalid configs: one phrase an error, made from pydantic's report."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 _LONGEST = 200
-"""Characters, or bits of a number, of a value that an error shows."""
+"""Largest number of characters, or of an integer's bits, that a message shows of a value."""
 
 
 def describe(error: ValidationError, model: type[BaseModel], overridden: Collection[str] = ()) -> list[str]:
-    """Put each mistake in a config into a phrase.
+    """Describe each error in a config.
 
     Parameters
     ----------
     error : ValidationError
         Pydantic's report.
     model : type
-        The model that was validated: its field names are the keys that an unknown one is compared with.
+        The model that was validated; an unknown key is compared with its field names.
     overridden : collection of str
-        Dotted keys that came from `--set`; a mistake in one of them says so.
+        Dotted keys that came from `--set`; messages about them say so.
 
     Returns
     -------
     list of str
-        For each mistake the dotted key, the value, and what is allowed or the nearest known key.
+        For each error the dotted key, the value, and the allowed values or the nearest known key.
     """
     known = _known_keys(model)
     return [_phrase(dict(entry), known, overridden) for entry in error.errors(include_url=False)]
@@ -51,7 +51,7 @@ def _phrase(entry: dict[str, Any], known: list[str], overridden: Collection[str]
 
 
 def _shortened(value: str | float) -> str:
-    if isinstance(value, int) and value.bit_length() > _LONGEST:  # Python refuses to write out the longest ones
+    if isinstance(value, int) and value.bit_length() > _LONGEST:  # Python refuses to convert very long integers
         return f"an integer of {value.bit_length()} bits"
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"

@@ -1,4 +1,4 @@
-"""The distant light: a latitude–longitude map, or any Mitsuba emitter at infinity, rotated and scaled."""
+"""Distant environment: a latitude–longitude map or any Mitsuba emitter at infinity, rotated and scaled."""
 
 from __future__ import annotations
 
@@ -30,36 +30,36 @@ RADIANCE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "sunsky": ("sun_scale", "sky_scale"),
     "timed_sunsky": ("sun_scale", "sky_scale"),
 }
-"""For each emitter at infinity that is no map, the parameters that its radiance is proportional to; 1 by default."""
+"""Parameters that the radiance of each emitter type is proportional to, for emitters that are not maps; default 1."""
 
 BRIGHTEST_SUM = 1e38
-"""Sum of an image's values beyond which the float32 table that Mitsuba samples an envmap by overflows."""
+"""Sum of an image's values above which Mitsuba's float32 sampling table of an envmap overflows."""
 
 _ROTATION = 1e-6
-"""Difference up to which a matrix is a rotation, or a reflection."""
+"""Tolerance within which a matrix counts as orthogonal."""
 
 FAINTEST_SUM = 1e-30
-"""Sum below which that table cannot be normalised: the density of an all-black envmap is NaN."""
+"""Sum below which the sampling table cannot be normalised: the density of a black envmap is NaN."""
 
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """A distant environment, checked and ready for a scene. Built by `load_environment`.
+    """Validated distant environment. Made by `load_environment`.
 
     Attributes
     ----------
     name : str
         Stem of the file, or the emitter's type.
     digest : str
-        SHA-256 of the content with its rotation and scale; file names do not enter.
+        SHA-256 of the content with its rotation and scale, independent of file names.
     image : ndarray (H, W, 3), float32, or None
-        Radiance of a map, negatives clipped, scaled; None for an emitter that is none.
+        Radiance of a map [W sr⁻¹ m⁻²], scaled, negative values clipped; None for other emitters.
     clipped : int
-        How many negative values were clipped.
+        Number of negative values that were clipped.
     lowest : float
-        The most negative value that was found; 0 if none.
+        Lowest of these values; 0 if there was none.
     plugin : dict
-        The Mitsuba emitter as plain data, but for the image; rotation included.
+        Mitsuba emitter as plain data, rotated, without the image.
     """
 
     name: str
@@ -71,12 +71,12 @@ class Environment:
 
     @property
     def width(self) -> int:
-        """Columns of the map; 0 for an emitter that is none."""
+        """Columns of the map; 0 for other emitters."""
         return 0 if self.image is None else self.image.shape[1]
 
     @property
     def frame(self) -> NDArray[np.float64] | None:
-        """Axes of the map in world coordinates, shape (3, 3); None where `to_world` does more than turn it."""
+        """Axes of the map in world coordinates, shape (3, 3); None if `to_world` is not orthogonal."""
         turn = np.array(self.plugin.get("to_world", np.eye(4)), dtype=np.float64)[:3, :3]
         return turn if np.allclose(turn @ turn.T, np.eye(3), rtol=0.0, atol=_ROTATION) else None
 
@@ -86,9 +86,9 @@ class Environment:
         return self.image is not None and not self.image.any()
 
     def emitter(self) -> dict[str, Any]:
-        """Return the emitter as a dict for `mi.load_dict`, to be nested in a scene.
+        """Return the emitter as a dict for `mi.load_dict`.
 
-        An image without light becomes a `constant` emitter of radiance 0: Mitsuba's density of a black envmap is NaN.
+        A black image becomes a `constant` emitter of radiance 0: Mitsuba's density of a black envmap is NaN.
         """
         if self.is_black:
             return {"type": "constant", "radiance": 0.0}
@@ -101,7 +101,7 @@ class Environment:
 
 
 def load_environment(config: EnvironmentConfig) -> Environment:
-    """Read and check an environment.
+    """Read and validate an environment.
 
     Parameters
     ----------
@@ -111,24 +111,39 @@ def load_environment(config: EnvironmentConfig) -> Environment:
     Raises
     ------
     InputError
-        If the file cannot be used (see `rsibr.scene.latlong.read_latlong`), Mitsuba refuses the emitter, or the emitter
-        is not at infinity, cannot be scaled, or sends radiance that is negative or not finite.
+        If the file cannot be used (see `rsibr.scene.latlong.read_latlong`), Mitsuba rejects the emitter, or the emitter
+        is not at infinity, cannot be scaled, or has radiance that is negative or not finite.
 
     Notes
     -----
-    An emitter dict of type `envmap` is read and checked as a file is. Mitsuba places the rows of an envmap at
+    An emitter of type `envmap` is read and validated like a file. Mitsuba places the rows of an envmap at
     v = j/(H−1), so that the first and the last lie on the poles, and its columns at u = (i+½)/W.
     """
     backend.use()
     if config.emitter is not None:
         require_survival(config, _WHERE)
+    environment = _read(config)
+    _check_emitter(environment, str(config.file) if config.file else _WHERE)
+    return environment
+
+
+def environment_digest(config: EnvironmentConfig) -> str:
+    """Digest of the content as `load_environment` finds it; files are read, and Mitsuba loads nothing.
+
+    Raises
+    ------
+    InputError
+        If a file is gone or cannot be used.
+    """
+    return _read(config).digest
+
+
+def _read(config: EnvironmentConfig) -> Environment:
     plugin: dict[str, Any] = config.emitter or {"type": "envmap", "filename": str(config.file)}
     name = config.file.stem if config.file else str(plugin["type"])
     plugin = in_every_variant(rotated(plugin, config.rotation_deg, _WHERE), _WHERE)
     build = _map if plugin["type"] == "envmap" else _plain
-    environment = build(name, plugin, config.scale)
-    _check_emitter(environment, str(config.file) if config.file else _WHERE)
-    return environment
+    return build(name, plugin, config.scale)
 
 
 def _map(name: str, plugin: dict[str, Any], scale: float) -> Environment:
@@ -146,7 +161,7 @@ def _map(name: str, plugin: dict[str, Any], scale: float) -> Environment:
 
 
 def _usable(latlong: LatLong, scale: float, path: Path) -> NDArray[np.float32]:
-    """Scale the image, and refuse what Mitsuba's sampling table cannot hold."""
+    """Scale the image, and reject values that Mitsuba's sampling table cannot represent."""
     with np.errstate(over="ignore", under="ignore"):
         image: NDArray[np.float32] = latlong.image * np.float32(scale)
     total = float(image.sum(dtype=np.float64))
@@ -196,7 +211,7 @@ def _product(value: Any, scale: float, name: str) -> Any:
 
 
 def _check_emitter(environment: Environment, where: str) -> None:
-    """Load the emitter into a scene of its own and look at it from every side."""
+    """Load the emitter and evaluate it in directions all around."""
     with mitsuba_errors(where, _FIX):
         emitters = mi.load_dict({"type": "scene", "emitter": environment.emitter()}).emitters()
     if len(emitters) != 1 or not mi.has_flag(emitters[0].flags(), mi.EmitterFlags.Infinite):

@@ -1,4 +1,4 @@
-"""Latitude–longitude radiance maps from OpenEXR and Radiance HDR files, checked texel by texel."""
+"""Latitude–longitude radiance maps from OpenEXR and Radiance HDR files, validated texel by texel."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ _HDR_MAGIC = b"#?"
 _HDR_XYZ = b"32-bit_rle_xyze"
 
 MAX_TEXELS = 2**30
-"""Mitsuba addresses the four floats of an envmap's texel with 32 bits."""
+"""Largest number of texels: Mitsuba indexes the four floats a texel of an envmap with 32 bits."""
 
 
 @dataclass(frozen=True, eq=False)
 class LatLong:
-    """A latitude–longitude map.
+    """Latitude–longitude map.
 
     Attributes
     ----------
     image : ndarray (H, W, 3), float32
-        Radiance, scene-linear Rec.709, finite and not negative. Row 0 is at +Y, the columns start at −Z and pass +X.
+        Radiance [W sr⁻¹ m⁻²], scene-linear Rec.709, finite and not negative. Row 0 is at +Y, the columns start at −Z
+        and pass +X.
     clipped : int
-        How many values (channels of texels) were negative and have been set to 0.
+        Number of values (channels of texels) that were negative and were set to 0.
     lowest : float
-        The most negative of them; 0 if there was none.
+        Lowest of these values; 0 if there was none.
     """
 
     image: NDArray[np.float32]
@@ -40,24 +41,26 @@ class LatLong:
     lowest: float
 
 
-def read_latlong(path: Path) -> LatLong:
+def read_latlong(path: Path, most_texels: int = MAX_TEXELS) -> LatLong:
     """Read a latitude–longitude map.
 
     Parameters
     ----------
     path : Path
         OpenEXR (half or float; RGB, RGBA, a single channel Y, or one RGB layer; the first part of several) or Radiance
-        HDR (RGBE). Any size and aspect ratio. An EXR that states its primaries is converted to Rec.709.
+        HDR (RGBE). Any aspect ratio. An EXR that states its primaries is converted to Rec.709.
+    most_texels : int
+        Texels at most.
 
     Raises
     ------
     InputError
-        If the file is missing, truncated or no such image, has other channels, shows only a part of its panorama, or
-        holds NaN or Inf: the message names file, texel and channel.
+        If the file is missing, truncated or of another format, has other channels, shows only a part of its panorama,
+        or contains NaN or Inf; the message names file, texel and channel.
 
     Notes
     -----
-    `mi.Bitmap` reads both formats, without a variant; unlike `OpenEXR.File` it raises on a truncated file.
+    `mi.Bitmap` reads both formats without a variant and, unlike `OpenEXR.File`, raises on a truncated file.
     """
     is_exr = _is_exr(path)
     with mitsuba_errors(str(path), "save it again as OpenEXR or Radiance HDR; it may be truncated"):
@@ -66,10 +69,10 @@ def read_latlong(path: Path) -> LatLong:
         names = [field.name for field in bitmap.struct_()]
     if is_exr:
         _check_whole_panorama(path)
-    if pixels.shape[0] * pixels.shape[1] > MAX_TEXELS:
+    if pixels.shape[0] * pixels.shape[1] > most_texels:
         height, width = pixels.shape[:2]
         raise InputError(
-            f"{width} × {height} texels are more than {MAX_TEXELS}", where=str(path), fix="scale the map down"
+            f"{width} × {height} texels are more than {most_texels}", where=str(path), fix="scale the map down"
         )
     image = _rgb(pixels.reshape(*pixels.shape[:2], -1), names, path)
     _check_finite(image, path)
@@ -94,7 +97,9 @@ def _is_exr(path: Path) -> bool:
 
 
 def _check_whole_panorama(path: Path) -> None:
-    with mitsuba_errors(str(path), "save it again as OpenEXR; its header is damaged"):  # it complains as Mitsuba does
+    with mitsuba_errors(
+        str(path), "save it again as OpenEXR; its header is damaged"
+    ):  # raises the same errors as Mitsuba
         header = OpenEXR.File(str(path), header_only=True).header(0)
     if not np.array_equal(np.ravel(header["dataWindow"]), np.ravel(header["displayWindow"])):
         raise InputError(

@@ -1,4 +1,4 @@
-"""The material: a preset, a Mitsuba BSDF as plain data, or a Mitsuba XML file; opaque, and the same all over."""
+"""Material: a preset, a Mitsuba BSDF as plain data, or a Mitsuba XML file; opaque and homogeneous."""
 
 from __future__ import annotations
 
@@ -29,26 +29,25 @@ PRESETS = (
     "rough-aluminium",
     "solid-red",
 )
-"""Names of the materials that come with rsibr, `scenes/materials/NAME.xml`."""
+"""Names of the materials shipped with rsibr, `scenes/materials/NAME.xml`."""
 
-
-ANISOTROPIC = "anisotropic: sphere maps hold one look a normal, so that expect larger errors between the views"
+ANISOTROPIC = "anisotropic: sphere maps hold one radiance a normal; expect larger errors between the views"
 
 
 @dataclass(frozen=True)
 class Material:
-    """A material, checked. Built by `load_material`.
+    """Validated material. Made by `load_material`.
 
     Attributes
     ----------
     name : str
         Name of the preset, type of the BSDF, or stem of the XML file.
     digest : str
-        SHA-256 of the content; file names do not enter.
+        SHA-256 of the content, independent of file names.
     warp : {"mirror", "normal"}
-        What its map is indexed by when it is warped as one lobe: the mirrored view direction, or the surface normal.
+        Direction by which its maps are indexed when warped as one lobe: the mirror direction or the surface normal.
     notes : tuple of str
-        What of it the maps cannot represent; bakes and reports say so.
+        Properties that maps cannot represent, for bakes and reports.
     """
 
     name: str
@@ -64,7 +63,7 @@ class Material:
 
 
 def load_material(config: MaterialConfig) -> Material:
-    """Load and check a material.
+    """Load and validate a material.
 
     Parameters
     ----------
@@ -74,8 +73,8 @@ def load_material(config: MaterialConfig) -> Material:
     Raises
     ------
     InputError
-        If the preset or the file does not exist, Mitsuba refuses the BSDF (see `rsibr.scene.mitsuba_bsdf.load_bsdf`),
-        or light passes through it.
+        If the preset or the file does not exist, Mitsuba rejects the BSDF (see `rsibr.scene.mitsuba_bsdf.load_bsdf`),
+        or the BSDF transmits light.
     """
     backend.use()
     name, source, where = _source_of(config)
@@ -85,6 +84,19 @@ def load_material(config: MaterialConfig) -> Material:
     _require_opaque(bsdf, name, where)
     warp = _natural_warp(bsdf) if config.warp == "auto" else config.warp
     return Material(name, bsdf_digest(source, where), warp, _notes(bsdf), source, where)
+
+
+def material_digest(config: MaterialConfig) -> str:
+    """Digest of the content as `load_material` finds it; Mitsuba parses the files and loads nothing.
+
+    Raises
+    ------
+    InputError
+        If a file is gone or is no XML.
+    """
+    backend.use()
+    _, source, where = _source_of(config)
+    return bsdf_digest(source, where)
 
 
 def _notes(bsdf: mi.BSDF) -> tuple[str, ...]:

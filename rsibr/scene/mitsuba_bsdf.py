@@ -1,4 +1,4 @@
-"""Loads a BSDF into Mitsuba from plain data or from XML, after the checks that Mitsuba itself does not survive."""
+"""Loading of a BSDF from plain data or XML, after checks for input that would crash Mitsuba."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from xml.etree import ElementTree
 
 import mitsuba as mi
 
-import rsibr.scene.paint.car_paint  # noqa: F401  # makes its plugin known
+import rsibr.scene.paint.car_paint  # noqa: F401  # registers its plugin
 from rsibr.errors import InputError
 from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files
 
 BsdfSource = dict[str, Any] | Path
-"""A Mitsuba BSDF as plain data, or the XML file that holds it."""
+"""Mitsuba BSDF as plain data, or path of its XML file."""
 
 NESTED: Mapping[str, tuple[int, int]] = {"blendbsdf": (2, 2), "twosided": (1, 2), "mask": (1, 1)}
-"""How many nested BSDFs a wrapper takes, at least and at most. A `blendbsdf` without any ends the process."""
+"""Least and largest number of nested BSDFs of a wrapper. A `blendbsdf` without any crashes Mitsuba."""
 
 _TEXTURES = ("bitmap", "checkerboard", "mesh_attribute", "volume")
 _FIX = "see the BSDFs in Mitsuba's plugin reference"
@@ -30,18 +30,18 @@ def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
     Parameters
     ----------
     source : dict or Path
-        Plain data, or an XML file whose root is a BSDF or a scene with exactly one (others may nest in it).
+        Plain data, or an XML file whose root is a BSDF or a scene with exactly one top-level BSDF.
     where : str
         File or config key that an error names.
 
     Raises
     ------
     InputError
-        If it is not well-formed, names an unknown plugin or parameter, is no BSDF, lacks nested BSDFs, or is textured:
-        a sphere map holds one material.
+        If it is not well-formed, names an unknown plugin or parameter, is not a BSDF, lacks nested BSDFs, or is
+        textured: a sphere map holds one material.
     """
     folder = source.parent if isinstance(source, Path) else None
-    # A name in XML may hold bytes that are no text: whatever asks for names can raise.
+    # Names in XML may be undecodable bytes: reading any name can raise
     with _search_path(folder), mitsuba_errors(where, _FIX):
         state = _parse(source, where)
         _check_nodes(state, where)
@@ -50,9 +50,9 @@ def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
 
 
 def bsdf_digest(source: BsdfSource, where: str) -> str:
-    """SHA-256 of a BSDF's content, with the content of the files that it names; its own file name does not enter.
+    """SHA-256 of a BSDF's content and of the files that it names, independent of its own file name.
 
-    Comments and white space in XML do not count.
+    Comments and white space in XML are ignored.
     """
     if isinstance(source, dict):
         return content_digest(canonical_json(source), named_files(source))
@@ -68,7 +68,7 @@ def bsdf_digest(source: BsdfSource, where: str) -> str:
 
 def _parser_config() -> mi.parser.ParserConfig:
     config = mi.parser.ParserConfig(mi.variant())
-    config.merge_meshes = config.merge_equivalent = False  # so that the nodes stay as they were written
+    config.merge_meshes = config.merge_equivalent = False  # keep the nodes as written
     return config
 
 
@@ -98,7 +98,7 @@ def _check_nodes(state: mi.parser.ParserState, where: str) -> None:
 
 
 def _root_at_bsdf(state: mi.parser.ParserState, where: str) -> None:
-    """Make the one BSDF of a scene the root, so that nothing else of the scene is loaded."""
+    """Make the scene's only BSDF the root, so that nothing else is loaded."""
     if state.root.type != mi.ObjectType.Scene:
         _require_bsdf(state.root, where)
         return
@@ -111,14 +111,14 @@ def _root_at_bsdf(state: mi.parser.ParserState, where: str) -> None:
 
 
 def _require_bsdf(node: mi.parser.SceneNode, where: str) -> None:
-    # A dictionary node of a plugin that Mitsuba does not know has no type yet: instantiation says so.
+    # A dictionary node of an unknown plugin has no type; instantiation raises the error
     if node.type not in (mi.ObjectType.BSDF, mi.ObjectType.Unknown):
         kind = str(node.type).rpartition(".")[2].lower()
         raise InputError(f"'{node.props.plugin_name()}' is not a BSDF ({kind})", where=where, fix=_FIX)
 
 
 def _references(node: mi.parser.SceneNode) -> list[int]:
-    # Only references are read: Mitsuba takes a property that has been read for one that the plugin knows.
+    # Read references only: Mitsuba treats every property that has been read as known to the plugin
     props, reference = node.props, mi.Properties.Type.ResolvedReference
     return [props[key].index() for key in props.keys() if props.type(key) == reference]  # noqa: SIM118
 
@@ -135,7 +135,7 @@ def _files_named_in(xml: Path) -> list[Path]:
 
 @contextmanager
 def _search_path(folder: Path | None) -> Iterator[None]:
-    """Let Mitsuba look for relative file names in `folder` first, as `mi.load_file` does."""
+    """Resolve relative file names in `folder` first, as `mi.load_file` does."""
     before = mi.file_resolver()
     resolver = mi.FileResolver(before)
     if folder is not None:

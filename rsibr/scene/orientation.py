@@ -27,7 +27,7 @@ def rotated(plugin: dict[str, Any], angle_deg: float, where: str) -> dict[str, A
     Parameters
     ----------
     plugin : dict
-        Mitsuba emitter as plain data; `to_world`, where present, a list of four rows of four numbers.
+        Mitsuba emitter as plain data; `to_world`, if present, is a list of four rows of four numbers.
     angle_deg : float
         Angle [°], counter-clockwise seen from above.
     where : str
@@ -36,12 +36,12 @@ def rotated(plugin: dict[str, Any], angle_deg: float, where: str) -> dict[str, A
     Returns
     -------
     dict
-        The emitter with `to_world` composed, absent where it would be the identity; and the directions that Mitsuba
-        takes in world space (`direction` of `directional`, `sun_direction` of `sunsky`) turned with it.
+        The emitter with `to_world` composed, or absent if it is the identity, and with its world-space directions
+        rotated (`direction` of `directional`, `sun_direction` of `sunsky`).
 
     Notes
     -----
-    Mitsuba's skies have their zenith at +Z. Without a `to_world` of its own a sky is stood upright here, zenith at +Y.
+    Mitsuba's skies have their zenith at +Z. Without a `to_world`, a sky is rotated here to have its zenith at +Y.
     """
     rotation = rotation_about_y(angle_deg)
     result = dict(plugin)

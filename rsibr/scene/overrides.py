@@ -1,4 +1,4 @@
-"""Overrides from the command line: `--set a.b=value` laid over the tables of a config."""
+"""Overrides from the command line: `--set a.b=value`, applied to the tables of a config."""
 
 from __future__ import annotations
 
@@ -17,30 +17,35 @@ ALTERNATIVES: Mapping[str, tuple[str, ...]] = {
     "sampling": ("samples", "target_error", "time_budget_s"),
     "budget": ("error", "seconds"),
 }
-"""Keys of each section that exclude one another: to set one of them takes the others out of the config."""
+"""Mutually exclusive keys of each section: an override of one removes the others from the config."""
 
 
 def apply_overrides(data: Mapping[str, Any], overrides: Sequence[str]) -> dict[str, Any]:
-    """Lay overrides over a config's tables.
+    """Apply overrides to the tables of a config.
 
     Parameters
     ----------
     data : mapping
-        The config as TOML gives it; left as it is.
+        The config as parsed from TOML; not modified.
     overrides : sequence of str
-        `a.b=value`, the value in TOML; a bare word that is no TOML stands for itself as a string.
+        `a.b=value`, with the value in TOML; a bare word that is not TOML is taken as a string.
 
     Returns
     -------
     dict
-        The config with every override in place. An override of one of the `ALTERNATIVES` removes the others that the
-        config itself gave; two that both stand among the overrides remain, for the config's check to refuse.
+        The config with the overrides. An override of one of the `ALTERNATIVES` removes the others of the config; if two
+        of them are overridden, both remain, and validation of the config rejects them.
 
     Raises
     ------
     InputError
-        If an override has no `=` or no key, its value opens a string, list or table that it does not close, or its key
-        leads through something that is not a table.
+        If an override has no `=` or no key, its value is an unclosed string, list or table, or its key leads through a
+        value that is not a table.
+
+    Examples
+    --------
+    >>> apply_overrides({"map": {"resolution": 64}}, ["map.resolution=128", "views.subdivision=1"])
+    {'map': {'resolution': 128}, 'views': {'subdivision': 1}}
     """
     result = deepcopy(dict(data))
     parsed = [(text, *_parse(text)) for text in overrides]
@@ -71,14 +76,14 @@ def _parse(text: str) -> tuple[tuple[str, ...], Any]:
 def _value(text: str, whole: str) -> Any:
     try:
         table = tomllib.loads(f"value = {text}")
-    except ValueError as error:  # a number of thousands of digits is one too, and no TOMLDecodeError
+    except ValueError as error:  # also raised for integers of thousands of digits
         if text[:1] in ("{", "[", '"', "'"):
             reason = str(error).partition(" (at")[0]
             raise InputError(f"'{whole}' is not valid TOML: {reason}", where="--set") from None
         return text
     if set(table) != {"value"}:
         raise InputError(f"'{whole}' holds more than one value", where="--set", fix="give one --set for each key")
-    # A file name may look like a date, and no key of a config is one.
+    # A file name may look like a date, and no value in a config is a date
     return text if isinstance(table["value"], date | time | datetime) else table["value"]
 
 

@@ -1,4 +1,4 @@
-"""Mitsuba plugins as plain data: what the environment and the material share when they hand one to Mitsuba."""
+"""Mitsuba plugins as plain data: errors, named files and digests, for environments and materials."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from typing import Any
 from rsibr.errors import InputError
 
 _REWRITES = (
-    (r"\[\w+\.(cpp|h):\d+\]\s*", ""),  # where in Mitsuba's sources
+    (r"\[\w+\.(cpp|h):\d+\]\s*", ""),  # location in Mitsuba's sources
     (
         r"^(At|(Error )?[Ww]hile loading) (dictionary node \"[^\"]*\"|.*?(?= \(line ))(?P<line> \(line[^)]*\))?:\s*",
         r"\g<line> ",
     ),
     (r"^(Parsing of|Error while loading) XML file \"[^\"]*\"( failed)?:\s*", ""),
-    (r"^\"[^\"]*\":\s*", ""),  # the file itself, which `where` names
+    (r"^\"[^\"]*\":\s*", ""),  # the file, which `where` names
     (r"failed to instantiate \w+ plugin of type (\"[^\"]*\"):", r"\1:"),
-    (r"\[[A-Z]\w+\]\s*", ""),  # the class that complains
-    (r"Traceback \(most recent call last\):.*?(?=\b\w*Error: )\w*Error: ", ""),  # of a plugin of our own
+    (r"\[[A-Z]\w+\]\s*", ""),  # the class that raised it
+    (r"Traceback \(most recent call last\):.*?(?=\b\w*Error: )\w*Error: ", ""),  # of a plugin of rsibr
     (r"^std::bad_alloc$", "it does not fit into the memory"),
 )
 _VECTOR_FOR_COLOUR = "got vector"
-_OWN_PLUGIN = '"rsibr_'  # whose errors say what to do
+_OWN_PLUGIN = '"rsibr_'  # its errors include the fix
 
 
 @contextmanager
 def mitsuba_errors(where: str, fix: str) -> Iterator[None]:
-    """Turn what Mitsuba raises inside the block into an `InputError` of one line.
+    """Convert errors that Mitsuba raises inside the block to an `InputError` of one line.
 
     Parameters
     ----------
     where, fix : str
-        As `InputError` takes them.
+        As in `InputError`.
     """
     try:
         yield
@@ -50,7 +50,7 @@ def mitsuba_errors(where: str, fix: str) -> Iterator[None]:
 
 
 def essential_sentence(message: str) -> str:
-    """Cut a Mitsuba error message down to the sentence that tells the user something.
+    """Extract the informative sentence of a Mitsuba error message.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def essential_sentence(message: str) -> str:
 
 
 def named_files(plugin: Mapping[str, Any]) -> list[Path]:
-    """Return the files that a plugin and those nested in it name under the key `filename`."""
+    """Return the files named under the key `filename` in a plugin and its nested plugins."""
     files: list[Path] = []
     for key, value in plugin.items():
         if isinstance(value, Mapping):
@@ -76,16 +76,16 @@ def named_files(plugin: Mapping[str, Any]) -> list[Path]:
 
 
 def require_files(plugin: Mapping[str, Any], where: str) -> None:
-    """Raise an `InputError` that names the first file which the plugin needs and which is not there."""
+    """Raise an `InputError` that names the first missing file of a plugin."""
     for file in named_files(plugin):
         if not file.is_file():
             raise InputError(f"there is no file {file}", where=where, fix="check the path under filename")
 
 
 def content_digest(text: str, files: Iterable[Path] = (), data: bytes = b"") -> str:
-    """SHA-256 over a description, the contents of files, and raw data.
+    """SHA-256 of a description, the contents of files, and raw data, in hexadecimal.
 
-    The names of the files do not enter: a scene that has been moved keeps its digest.
+    It is independent of file names: a scene that was moved keeps its digest.
     """
     digest = hashlib.sha256(text.encode())
     for file in files:
@@ -96,9 +96,9 @@ def content_digest(text: str, files: Iterable[Path] = (), data: bytes = b"") -> 
 
 
 def canonical_json(plugin: Mapping[str, Any]) -> str:
-    """Describe a plugin without the names of its files.
+    """JSON text of a plugin without the names of its files.
 
-    The order of the keys stays: Mitsuba takes nested plugins by position.
+    The order of the keys is kept, because Mitsuba identifies nested plugins by position.
     """
 
     def without_names(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Spectra that a config gives: in a plugin as plain data or XML, found and read."""
+"""Spectra in a config: found in plugins as plain data or XML, and read."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ from rsibr.scene.paint.pigments import pigment_spectrum
 from rsibr.scene.paint.spectra import NODES
 
 Samples = list[tuple[float, float]]
-"""Wavelengths [nm] and values, ascending; linear between them and nothing beyond."""
+"""Wavelengths [nm] and values, ascending; linear between them and zero beyond."""
 
 METALS = ("conductor", "roughconductor")
-"""BSDFs that take a measured metal by its name."""
+"""BSDFs that accept a measured metal by name."""
 
 _GRID = np.linspace(360.0, 830.0, 95)
 
 
 def found_spectra(source: Mapping[str, Any] | Path | None, where: str) -> Iterator[tuple[str, Samples]]:
-    """Find the spectra of a plugin that vary with the wavelength, and those of the plugins nested in it.
+    """Find the spectra that vary with wavelength in a plugin and its nested plugins.
 
     Parameters
     ----------
     source : mapping, Path or None
-        A plugin as plain data, or Mitsuba XML.
+        A plugin as plain data, or path of a Mitsuba XML file.
     where : str
-        What an error names as the place.
+        Origin that an error names.
 
     Yields
     ------
     str, Samples
-        The parameter's name, and the spectrum: of a table, a file, a black body or a car paint's named pigment.
+        Name of the parameter, and its spectrum: a table, a file, a black body or a named pigment of a car paint.
 
     Raises
     ------
     InputError
-        If a spectrum is none.
+        If a spectrum is invalid.
     """
     for name, plugin in _plugins(source):
         if (samples := _read(plugin, where)) is not None:
@@ -54,14 +54,14 @@ def found_spectra(source: Mapping[str, Any] | Path | None, where: str) -> Iterat
 
 
 def found_metals(source: Mapping[str, Any] | Path | None) -> Iterator[str]:
-    """Find the measured metals that a material names."""
+    """Find the names of the measured metals in a material."""
     for _, plugin in _plugins(source):
         if plugin.get("type") in METALS and isinstance(name := plugin.get("material"), str) and name != "none":
             yield name
 
 
 def planckian(temperature: float) -> Samples:
-    """Radiance [W sr⁻¹ m⁻² nm⁻¹] of a black body of a temperature [K], by Planck's law."""
+    """Radiance [W sr⁻¹ m⁻² nm⁻¹] of a black body at a temperature [K], by Planck's law."""
     metres = _GRID * 1e-9
     with np.errstate(over="ignore"):
         exponential = np.expm1(constants.h * constants.c / (metres * constants.k * temperature))
@@ -70,7 +70,7 @@ def planckian(temperature: float) -> Samples:
 
 
 def in_every_variant(plugin: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Write black bodies out as tables: Mitsuba knows them in its spectral variants alone."""
+    """Replace black bodies by tables: Mitsuba supports them in its spectral variants only."""
 
     def written(value: Any) -> Any:
         if not isinstance(value, Mapping):
@@ -83,7 +83,7 @@ def in_every_variant(plugin: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 
 def _plugins(source: Mapping[str, Any] | Path | None, name: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """All plugins of a source with the names that they have in the one that they nest in."""
+    """All plugins of a source, each with its name in the enclosing plugin."""
     plugin = _as_data(ElementTree.parse(source).getroot()) if isinstance(source, Path) else source or {}
     yield name, plugin
     for key, value in plugin.items():
@@ -92,7 +92,7 @@ def _plugins(source: Mapping[str, Any] | Path | None, name: str = "") -> Iterato
 
 
 def _as_data(element: ElementTree.Element) -> dict[str, Any]:
-    """An XML element as the plain data that says the same of its spectra, names and numbers."""
+    """Plain data equivalent to an XML element, as far as spectra, names and numbers are concerned."""
     data: dict[str, Any] = {"type": element.get("type", element.tag)}
     for number, child in enumerate(element):
         name, value = child.get("name", f"{child.tag}-{number}"), child.get("value")
@@ -106,7 +106,7 @@ def _as_data(element: ElementTree.Element) -> dict[str, Any]:
 
 
 def _read(plugin: Mapping[str, Any], where: str) -> Samples | None:
-    """Samples of a plugin that is a spectrum; None where it is none, or the same at all wavelengths."""
+    """Samples of a spectrum plugin; None if it is another plugin or constant over wavelengths."""
     try:
         match plugin:
             case {"type": "spectrum", "value": [*pairs]}:

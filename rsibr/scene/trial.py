@@ -1,8 +1,7 @@
-"""Loads what a user wrote for Mitsuba in a process of its own first: a crash in there ends as a clear error here.
+"""Trial of a user's plugin in a child process, so that a crash of Mitsuba becomes an error message.
 
-Some plugins end the process on input that they do not expect. `python -m rsibr.scene.trial` reads one config section as
-JSON from stdin, loads it with the code that the caller is about to use, and evaluates and samples it once. Only a crash
-or a hang is a finding: what Mitsuba refuses in an orderly way, the caller hears from Mitsuba itself.
+Some plugins end the process on input that they do not expect. The other process is `rsibr.scene.trial_child`. Only a
+crash or a hang is a finding: what Mitsuba refuses in an orderly way, the caller hears from Mitsuba itself.
 """
 
 from __future__ import annotations
@@ -14,41 +13,37 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
-
-import drjit as dr
-import mitsuba as mi
 
 import rsibr
-from rsibr.errors import InputError, RsibrError
+from rsibr.errors import InputError
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.plugin import named_files
 
 TIMEOUT = 60.0
-"""Seconds after which a trial counts as hung; an honest one takes one or two."""
+"""Seconds after which a trial counts as hung; it normally takes one or two."""
 
 IN_TRIAL = "RSIBR_IN_TRIAL"
-"""Environment variable that is set where a trial runs, so that it starts no other."""
-
-_DIRECTIONS = 64
+"""Environment variable that is set in a trial, so that it starts no further one."""
 
 _survived: set[str] = set()
 
 
-def require_survival(config: EnvironmentConfig | MaterialConfig, where: str) -> None:
+def require_survival(config: EnvironmentConfig | MaterialConfig, where: str, timeout: float = TIMEOUT) -> None:
     """Load an environment or a material in a child process, unless the same content has survived that before.
 
     Parameters
     ----------
     config : EnvironmentConfig or MaterialConfig
-        The section that names it.
+        The section of the config.
     where : str
         File or config key that an error names.
+    timeout : float
+        Seconds after which the child counts as hung.
 
     Raises
     ------
     InputError
-        If the child crashes, or does not end within `TIMEOUT`.
+        If the child crashes, or does not end in time.
     """
     if os.environ.get(IN_TRIAL):
         return
@@ -57,7 +52,7 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str) -> 
     content = hashlib.sha256(document.encode() + b"".join(map(_content, _files(config)))).hexdigest()
     if content in _survived:
         return
-    code = _run_child(document, where)
+    code = _run_child(document, where, timeout)
     if code < 0:
         raise InputError(
             f"Mitsuba crashed ({_signal_name(-code)}) while loading it",
@@ -67,54 +62,20 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str) -> 
     _survived.add(content)
 
 
-def try_section(document: dict[str, dict[str, Any]]) -> None:
-    """Load the section that `document` holds, evaluate and sample it; raises as the loader does."""
-    # Imported here, for the loaders import this module.
-    from rsibr.scene.environment import load_environment  # noqa: PLC0415
-    from rsibr.scene.material import load_material  # noqa: PLC0415
-
-    context = {"base": Path.cwd()}
-    if "environment" in document:
-        load_environment(EnvironmentConfig.model_validate(document["environment"], context=context))
-        return  # which has looked at it from all sides
-    material = load_material(MaterialConfig.model_validate(document["material"], context=context))
-    _exercise(material.bsdf())
-
-
-def main() -> int:
-    """Run one trial; the exit code says nothing but that the process ended by itself."""
-    document = json.load(sys.stdin)
-    try:
-        try_section(document)
-    except (RsibrError, RuntimeError):  # said again, and better, by the process that asked
-        return 1
-    return 0
-
-
-def _exercise(bsdf: mi.BSDF) -> None:
-    u = dr.linspace(mi.Float, 0.01, 0.99, _DIRECTIONS)
-    si = dr.zeros(mi.SurfaceInteraction3f)
-    si.wi = mi.warp.square_to_cosine_hemisphere(mi.Point2f(u, dr.opaque(mi.Float, 0.5)))
-    context = mi.BSDFContext()
-    sample, weight = bsdf.sample(context, si, u, mi.Point2f(u, u))
-    dr.eval(weight, bsdf.eval(context, si, sample.wo), bsdf.pdf(context, si, sample.wo))
-    dr.sync_thread()
-
-
-def _run_child(document: str, where: str) -> int:
+def _run_child(document: str, where: str, timeout: float) -> int:
     search = os.pathsep.join([str(Path(rsibr.__file__).parent.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
     try:
         return subprocess.run(
-            [sys.executable, "-m", "rsibr.scene.trial"],
+            [sys.executable, "-m", "rsibr.scene.trial_child"],
             input=document.encode(),
             env=os.environ | {IN_TRIAL: "1", "PYTHONPATH": search},
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            timeout=TIMEOUT,
+            timeout=timeout,
             check=False,
         ).returncode
     except subprocess.TimeoutExpired:
-        raise InputError(f"Mitsuba did not load it within {TIMEOUT:.0f} s", where=where, fix="simplify it") from None
+        raise InputError(f"Mitsuba did not load it within {timeout:.0f} s", where=where, fix="simplify it") from None
 
 
 def _files(config: EnvironmentConfig | MaterialConfig) -> list[Path]:
@@ -128,7 +89,3 @@ def _content(file: Path) -> bytes:
 
 def _signal_name(number: int) -> str:
     return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
-
-
-if __name__ == "__main__":
-    sys.exit(main())

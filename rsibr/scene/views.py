@@ -1,4 +1,4 @@
-"""The stored views that a config asks for."""
+"""Stored views of a config."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from rsibr.scene.config import ViewsConfig
 
 
 def load_viewpoints(config: ViewsConfig) -> Viewpoints:
-    """Read the user's directions and triangles, or make the icosphere.
+    """Read directions and triangles from a file, or make the icosphere.
 
     Parameters
     ----------
     config : ViewsConfig
-        With `file`: JSON `{"directions": [[x, y, z], …], "triangles": [[i, j, k], …]}`; without triangles the convex
-        hull's are taken.
+        Section of the config. Its `file`, if given, is JSON `{"directions": [[x, y, z], …], "triangles": [[i, j, k],
+        …]}`; without triangles, those of the convex hull are used.
 
     Raises
     ------
@@ -26,7 +26,7 @@ def load_viewpoints(config: ViewsConfig) -> Viewpoints:
         If the file cannot be read or its views do not cover the sphere.
     """
     if config.file is None:
-        return icosphere(config.subdivision)
+        return icosphere(config.level)
     content = _read_json(config.file)
     if not isinstance(content, dict) or "directions" not in content:
         raise InputError('no "directions" in it', where=str(config.file), fix='give {"directions": [[x, y, z], …]}')

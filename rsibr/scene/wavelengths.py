@@ -1,6 +1,6 @@
-"""The wavelengths of a sample in spectral rendering, and what an observer sees of it.
+"""Wavelengths of a sample in spectral rendering, and its conversion to linear RGB.
 
-In RGB there are none, and everything here hands its values through: kernels are written once for all renderings.
+In RGB variants there are no wavelengths and values pass unchanged, so that kernels are written once for all variants.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import mitsuba as mi
 
 @dataclass(frozen=True)
 class Wavelengths:
-    """Four wavelengths of each sample, a quarter of the distribution apart.
+    """Four wavelengths of each sample, spaced by a quarter of the cumulative distribution.
 
     Attributes
     ----------
@@ -25,8 +25,8 @@ class Wavelengths:
 
     Notes
     -----
-    Hero wavelength sampling: Wilkie et al. (2014). The density follows what the observer sees: Radziszewski et al.
-    (2009), as Mitsuba's cameras have it.
+    Hero wavelength sampling: Wilkie et al. (2014). Density proportional to the observer's response: Radziszewski et al.
+    (2009), as in Mitsuba's cameras.
     """
 
     nm: mi.Spectrum
@@ -34,31 +34,32 @@ class Wavelengths:
 
     @classmethod
     def drawn(cls, uniform: Callable[[], mi.Float]) -> Wavelengths:
-        """Draw the first wavelength by a uniform number; in RGB none is asked for."""
+        """Sample wavelengths from one uniform number; in RGB `uniform` is not called."""
         if not mi.is_spectral:
             return cls(dr.zeros(mi.SurfaceInteraction3f).wavelengths, mi.UnpolarizedSpectrum(1))
         return cls.at(uniform())
 
     @classmethod
     def at(cls, u: mi.Float) -> Wavelengths:
-        """Wavelengths at a place 0 … 1 of each quarter of the distribution; in spectra only.
+        """Wavelengths at position `u` in [0, 1] of each quarter of the distribution; spectral variants only.
 
-        A first wavelength drawn from all of it would come upon those of other samples, a quarter apart: strata wasted.
+        The first wavelength is restricted to a quarter, because the other three repeat it a quarter apart: stratified
+        `u` would otherwise lose its stratification.
         """
         return cls(*mi.sample_rgb_spectrum(mi.sample_shifted(0.25 * u)))
 
     def seen(self, radiance: mi.UnpolarizedSpectrum) -> mi.Color3f:
-        """What the observer sees of radiance that bears the weight already.
+        """Convert weighted radiance to linear RGB.
 
         Parameters
         ----------
         radiance : mi.UnpolarizedSpectrum
-            A sample, times `weight`.
+            Radiance at `nm` [W sr⁻¹ m⁻² nm⁻¹], times `weight`; in RGB [W sr⁻¹ m⁻²].
 
         Returns
         -------
         mi.Color3f
-            Linear Rec.709 by the CIE 1931 2° observer, a unit spectrum having luminance 1, as Mitsuba's film has it.
-            Below zero where a colour lies outside Rec.709, and for single samples of any colour.
+            Linear Rec.709 by the CIE 1931 2° observer, as in Mitsuba's film: a unit spectrum has luminance 1. Negative
+            for colours outside Rec.709, and for single samples of any colour.
         """
         return mi.spectrum_to_srgb(radiance, self.nm) if mi.is_spectral else radiance

@@ -1,4 +1,4 @@
-"""Files that are either whole or not there: written to a temporary name, synced, renamed."""
+"""Atomic file writes: temporary name, fsync, rename. A file is complete or absent."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ _MACHINE_ERRORS = {*_FULL_DISK, errno.EFBIG, errno.EIO, errno.ENOMEM, errno.EMFI
 
 
 def write_atomic(path: Path, data: bytes) -> None:
-    """Write `data` to `path` so that a crash at any moment leaves the old file or the new one, never a part.
+    """Write `data` to `path` so that a crash at any moment leaves either the old file or the new one.
 
-    The bytes go to a hidden name in the same folder and to the disk; then the name is changed, and the folder synced so
-    that the change of name itself outlives a power cut.
+    The data is written to a hidden file in the same folder and synced; the file is renamed, and the folder synced, so
+    that the rename survives a power failure.
 
     Parameters
     ----------
     path : Path
-        The file to write or to replace. Its folder must exist.
+        File to write or to replace; its folder must exist.
     data : bytes
-        The whole content.
+        Content of the file.
 
     Raises
     ------
     MachineError
         If the disk is full or fails.
     BakeError
-        If the folder is missing, or may not be written to.
+        If the folder is missing or not writable.
     """
     if not path.name or path.is_dir():
         raise unwritable(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
-    # A random part keeps two processes that write the same file out of each other's way: the last rename wins.
+    # The random part separates processes that write the same file; the last rename wins
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}{_SUFFIX}")
     try:
         try:
@@ -54,7 +54,7 @@ def write_atomic(path: Path, data: bytes) -> None:
 
 
 def is_leftover(path: Path) -> bool:
-    """Whether `path` is a temporary file of `write_atomic`, left behind by a process that was killed."""
+    """Whether `path` is a temporary file of `write_atomic`, left by a killed process."""
     return path.name.startswith(".") and path.name.endswith(_SUFFIX)
 
 
@@ -93,14 +93,14 @@ def read_bytes(path: Path) -> bytes:
 
 
 def unreadable(path: Path, error: OSError) -> RsibrError:
-    """Failure of the system to read `path`, as one line for the user."""
+    """Error of the project for a system error in reading `path`."""
     if error.errno in _MACHINE_ERRORS:
         return MachineError(f"cannot be read ({error.strerror})", where=str(path))
     return BakeError(f"cannot be read ({error.strerror})", where=str(path))
 
 
 def unwritable(path: Path, error: OSError) -> RsibrError:
-    """Failure of the system to write `path`, as one line for the user: the machine's lack, or the wrong place."""
+    """Error of the project for a system error in writing `path`: MachineError if disk or memory are at fault."""
     what = f"cannot be written ({error.strerror})"
     if error.errno in _FULL_DISK:
         return MachineError(what, where=str(path), fix="free some space, then run the same command again")
@@ -110,7 +110,7 @@ def unwritable(path: Path, error: OSError) -> RsibrError:
 
 
 def sync_folder(folder: Path) -> None:
-    """Bring the names in `folder` to the disk; raises OSError."""
+    """Sync the directory entries of `folder` to the disk; raises OSError."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -1,4 +1,4 @@
-"""A whole bake on disk, opened and checked; `BakeWriter` is what makes one."""
+"""Opening and reading of a complete bake; `BakeWriter` writes one."""
 
 from __future__ import annotations
 
@@ -7,16 +7,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from rsibr.backend import Rendering
 from rsibr.errors import BakeError
 from rsibr.light.radiance import Light
 from rsibr.store.atomic import checksum, read_bytes, unreadable
+from rsibr.store.described_maps import DescribedMaps
 from rsibr.store.directory import BAKE_AGAIN, altered, check_file
 from rsibr.store.light_file import LIGHT_NAME, decode_light
-from rsibr.store.manifest import MANIFEST_NAME, Manifest, read_manifest
+from rsibr.store.manifest import MANIFEST_NAME, read_manifest
 from rsibr.store.map_file import MapFile, decode_map
 from rsibr.store.writer import BakeWriter
 
@@ -26,83 +23,36 @@ _NAME_A_BAKE = "name a directory that `rsibr bake` made"
 
 
 @dataclass(frozen=True, eq=False)
-class Bake:
-    """A whole bake, as `open_bake` found it: maps are read when they are asked for.
+class Bake(DescribedMaps):
+    """A whole bake on the disk, as `open_bake` found it: maps are read when they are asked for.
 
     Attributes
     ----------
     path : Path
-        Its directory.
+        Directory of the bake.
     manifest : Manifest
-        What it was made from, and with what.
+        Its manifest: config, identity, state of the views.
     """
-
-    path: Path
-    manifest: Manifest
-
-    @property
-    def view_count(self) -> int:
-        """Number of stored views."""
-        return len(self.manifest.views)
-
-    @property
-    def has_views(self) -> bool:
-        """Whether there are views all around; a bake whose lobes all have closed forms holds one map alone."""
-        return len(self.manifest.triangles) > 0
 
     @property
     def complete(self) -> bool:
-        """Whether all views are done; true of every bake that `open_bake` returns."""
+        """Whether all views are done; true for every bake that `open_bake` returns."""
         return not self.manifest.pending
 
     @property
-    def resolution(self) -> int:
-        """Texels along each side of a map."""
-        return self.manifest.resolution
-
-    @property
     def config(self) -> dict[str, Any]:
-        """The configuration that it was baked from, as JSON holds it."""
+        """The config as it was asked for, as JSON holds it: whatever takes a config takes this one."""
         return self.manifest.config
-
-    @property
-    def rendering(self) -> Rendering:
-        """What was carried along a path; RGB in bakes older than plans."""
-        return self.manifest.plan.rendering if self.manifest.plan else "rgb"
-
-    @property
-    def seconds(self) -> float:
-        """Time that all views together took to bake [s]."""
-        return self.manifest.seconds
-
-    @property
-    def bytes(self) -> int:
-        """Size of all maps together [bytes]."""
-        return self.manifest.size
-
-    @cached_property
-    def directions(self) -> NDArray[np.float64]:
-        """Unit view vectors, shape (V, 3), in the order of the maps; read-only."""
-        directions = np.array(self.manifest.directions, np.float64)
-        directions.setflags(write=False)
-        return directions
-
-    @cached_property
-    def triangles(self) -> NDArray[np.int64]:
-        """Triangulation of the directions, shape (M, 3), indices into them; read-only."""
-        triangles = np.array(self.manifest.triangles, np.int64).reshape(-1, 3)
-        triangles.setflags(write=False)
-        return triangles
 
     def map(self, index: int) -> MapFile:
         """Read the map of one view.
 
-        Its `view` and `frame` have the header's float32 precision; `directions[index]` is exact.
+        Its `view` and `frame` have the float32 precision of the header; `directions[index]` is exact.
 
         Raises
         ------
         IndexError
-            If there is no such view.
+            If the index is out of range.
         BakeError
             If the file was altered since the bake was opened.
         """
@@ -114,12 +64,12 @@ class Bake:
 
     @cached_property
     def light(self) -> Light:
-        """The light that the model of each lobe is made from.
+        """Environment of the bake, from which radiance is predicted.
 
         Raises
         ------
         BakeError
-            If the bake is too old to have it, or the file was altered since the bake was opened.
+            If the bake is older than this file, or the file was altered since the bake was opened.
         """
         file = self.path / LIGHT_NAME
         if self.manifest.light is None:
@@ -128,7 +78,7 @@ class Bake:
 
 
 def open_bake(path: Path) -> Bake:
-    """Open a bake and check all of it: schema, manifest, and size and checksum of every map.
+    """Open a bake and check its schema, its manifest, and size and checksum of every file.
 
     Parameters
     ----------
@@ -138,7 +88,7 @@ def open_bake(path: Path) -> Bake:
     Raises
     ------
     BakeError
-        If there is no bake, it is not finished, or anything in it is missing, truncated or altered.
+        If there is no bake, it is incomplete, or a file is missing, truncated or altered.
     """
     path = Path(path)
     _check_kind(path)

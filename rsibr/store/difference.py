@@ -1,4 +1,4 @@
-"""In what two bakes differ, as a user reads it."""
+"""Differences between two bakes, for error messages."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ _LONGEST_VALUE = 60
 
 
 def differences(found: Manifest, wanted: Manifest) -> list[str]:
-    """Say what keeps the bake `found` from being continued as `wanted`, key by key.
+    """List the keys whose values prevent the bake `found` from being resumed as `wanted`.
 
     Returns
     -------
     list of str
-        Such as "sampling.samples: 64 → 128", at most eight of them and a count of the others; empty where the two
-        bakes are bit-identical.
+        Entries such as "sampling.samples: 64 → 128", at most eight and the number of the others; empty if the two bakes
+        are bit-identical.
     """
     old, new = _fixing_the_bits(found), _fixing_the_bits(wanted)
     keys = [key for key in dict.fromkeys([*old, *new]) if old.get(key, _ABSENT) != new.get(key, _ABSENT)]
-    # Keys of the config are shown as the user writes them, in TOML and behind --set.
+    # Keys of the config are shown as in TOML and in --set
     shown = [
         f"{key.removeprefix('config.')}: {_show(old.get(key, _ABSENT))} → {_show(new.get(key, _ABSENT))}"
         for key in keys[:_MAXIMUM]
@@ -36,11 +36,11 @@ def differences(found: Manifest, wanted: Manifest) -> list[str]:
 
 
 def _fixing_the_bits(manifest: Manifest) -> dict[str, Any]:
-    """Everything that two bakes must share for the one to be continued as the other, by dotted key."""
+    """Values that two bakes must share for one to be resumed as the other, by dotted key."""
     geometry = [manifest.directions, manifest.triangles]
     return {
         **dict(_flatten(manifest.identity)),
-        "config.map.resolution": manifest.resolution,  # the key that an identity has for it too
+        "config.map.resolution": manifest.resolution,  # the same key as in the identity
         "number of views": len(manifest.directions),
         "directions and triangles": checksum(canonical(geometry)),
     }
@@ -59,5 +59,5 @@ def _show(value: object) -> str:
         return "absent"
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     if re.fullmatch("[0-9a-f]{64}", text):
-        return text[:12]  # a digest: enough to tell one from another
+        return text[:12]  # a digest: twelve digits identify it
     return text if len(text) <= _LONGEST_VALUE else f"…{text[1 - _LONGEST_VALUE :]}"

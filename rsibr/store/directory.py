@@ -1,4 +1,4 @@
-"""The directory of a bake: whose it is, who may write it, and whether its files are those that were written."""
+"""Directory of a bake: ownership, write lock, and integrity of its files."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ _ELSEWHERE = "choose another --out"
 
 
 def claim_directory(path: Path) -> None:
-    """Make the directory of a bake, or see to it that the one there is a bake's. Nothing in a foreign one is touched.
+    """Create the directory of a bake, or check that the existing one is a bake's. Other directories are not modified.
 
     Raises
     ------
     BakeError
-        If `path` is a file, or a directory that holds other things and no bake, or may not be written to.
+        If `path` is a file, a directory with other content, or not writable.
     """
     try:
         if path.exists() and not path.is_dir():
             raise BakeError("is a file; a bake is a directory", where=str(path), fix=_ELSEWHERE)
         make_folder(path)
         names = {entry.name for entry in entries(path) if not is_leftover(entry)}
-        # A writer makes the lock, then the folder of maps, then the manifest; it may have been killed in between.
+        # A writer creates lock, folder of maps, manifest, in this order, and may have been killed in between
         begun = names <= {LOCK_NAME, MAPS_NAME} and not any(entries(path / MAPS_NAME))
     except OSError as error:
         raise unwritable(path, error) from error
@@ -39,14 +39,14 @@ def claim_directory(path: Path) -> None:
 
 
 def lock_directory(path: Path) -> FileLock:
-    """Take the one lock on writing into the bake at `path`, without waiting.
+    """Acquire the exclusive write lock of the bake at `path`, without waiting.
 
-    The system gives it free when its holder dies, by `kill -9` too; the file itself stays.
+    The system releases it when its holder ends, also by `kill -9`; the lock file remains.
 
     Raises
     ------
     BakeError
-        If another writer holds it, or the directory may not be written to.
+        If another writer holds it, or the directory is not writable.
     """
     lock = FileLock(path / LOCK_NAME, thread_local=False)
     try:
@@ -60,12 +60,12 @@ def lock_directory(path: Path) -> FileLock:
 
 
 def make_folder(folder: Path) -> None:
-    """Make `folder` and its parents where they are not there, and see to it that its name outlives a power cut.
+    """Create `folder` and its parents if absent, and sync the new directory entry.
 
     Raises
     ------
     MachineError, BakeError
-        If it cannot be made.
+        If it cannot be created.
     """
     try:
         if not folder.is_dir():
@@ -76,13 +76,13 @@ def make_folder(folder: Path) -> None:
 
 
 def entries(folder: Path) -> Iterator[Path]:
-    """List what lies in `folder`, sorted by name; nothing where it does not exist."""
+    """Entries of `folder`, sorted by name; none if it does not exist."""
     if folder.is_dir():
         yield from sorted(folder.iterdir())
 
 
 def check_file(file: Path, state: ViewState | LightRecord) -> None:
-    """See to it that `file` is there, with the size and the checksum that the manifest has for it.
+    """Check that `file` exists with the size and checksum recorded in the manifest.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def check_file(file: Path, state: ViewState | LightRecord) -> None:
 
 
 def is_whole(file: Path, state: ViewState | LightRecord) -> bool:
-    """Whether `check_file` has nothing to say against `file`."""
+    """Whether `check_file` accepts `file`."""
     try:
         check_file(file, state)
     except BakeError:
@@ -109,6 +109,6 @@ def is_whole(file: Path, state: ViewState | LightRecord) -> bool:
 
 
 def altered(file: Path) -> BakeError:
-    """Return the failure that says that `file` is not what the bake wrote."""
+    """Return the error for a `file` that is not as the bake wrote it."""
     fix = "run the same `rsibr bake` command again to make it anew"
     return BakeError("is truncated or altered: it is not the file that the bake wrote", where=str(file), fix=fix)

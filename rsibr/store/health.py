@@ -1,6 +1,6 @@
-"""Numerical health of one map: texels that are no number, that are missing, or that their variance says not to trust.
+"""Numerical health of a map: non-finite, missing and unreliable texels.
 
-Nothing is repaired here: a finding is counted, its place kept, and the map stays as it is.
+Findings are counted and located; the map is not modified.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ Mask = NDArray[np.bool_]
 Array = NDArray[np.float64]
 
 LARGEST_HALF = 65504.0
-"""Largest finite number of IEEE 754 binary16: a viewer or a texture in half precision makes Inf of more."""
+"""Largest finite IEEE 754 binary16; larger values become Inf in half-precision viewers and textures."""
 
 FEW_SAMPLES = 0.25
-"""Relative standard error from which on a texel rests on fewer than 1/0.25² = 16 of its samples."""
+"""Relative standard error above which fewer than 1/0.25² = 16 samples dominate a texel."""
 
 OUTLIER = 8.0
-"""Standard errors, the neighbourhood's median one, by which a firefly outshines the neighbourhood's median."""
+"""Least excess of a firefly over the neighbourhood's median radiance, in median standard errors."""
 
 NOISIER = 6.0
-"""Ratio of a firefly's standard error to the neighbourhood's median one."""
+"""Least ratio of a firefly's standard error to the neighbourhood's median standard error."""
 
 REACH = 2
-"""Texels in each direction that are the neighbourhood: 5 × 5, of which the median stands up to twelve fireflies."""
+"""Radius of the neighbourhood in texels: 5 × 5, whose median is robust against twelve fireflies."""
 
 _AT_ONCE = 2**16
-"""Texels whose neighbourhoods are gathered together: bounds the memory at 30 MiB."""
+"""Texels whose neighbourhoods are processed together; bounds the memory at 30 MiB."""
 
 
 @dataclass(frozen=True, eq=False)
 class MapHealth:
-    """What is wrong with one map, texel by texel.
+    """Findings in one map, texel by texel.
 
     Attributes
     ----------
@@ -52,12 +52,12 @@ class MapHealth:
         - `fireflies`: see `firefly_texels`;
         - `half_overflow`: a lobe's radiance exceeds `LARGEST_HALF`.
 
-        Texels outside the disk are never found: nothing reads them.
+        Texels outside the disk, which are never read, are not reported.
     relative_error : ndarray, shape (N, N)
-        Standard error of each texel over its radiance, mean of the channels; NaN outside the disk and where there is no
-        finite one.
+        Standard error of each texel relative to its radiance, mean of the channels; NaN outside the disk and where
+        either is not finite.
     largest : float
-        Largest finite radiance of any lobe and channel [W sr⁻¹ m⁻²]; 0 where there is none.
+        Largest finite radiance of any lobe and channel [W sr⁻¹ m⁻²]; 0 if there is none.
     """
 
     found: dict[str, Mask]
@@ -65,23 +65,24 @@ class MapHealth:
     largest: float
 
     def record(self) -> HealthRecord:
-        """Return the counts, as the manifest keeps them."""
+        """Return the counts, as recorded in the manifest."""
         counts = {kind: int(mask.sum()) for kind, mask in self.found.items()}
         return HealthRecord(largest=self.largest, **counts)
 
 
 def map_health(map_file: MapFile) -> MapHealth:
-    """Look for texels of a map that cannot be trusted.
+    """Find the unreliable texels of a map.
 
     Parameters
     ----------
     map_file : MapFile
-        Without a variance nothing can be called a firefly.
+        The map; fireflies are found only if it has a variance.
 
     Returns
     -------
     MapHealth
     """
+    # Covered texels with finite radiance and variance
     layers = np.stack(list(map_file.layers.values()))
     exact = _coverage(map_file.resolution)
     inside = exact > 0
@@ -91,6 +92,7 @@ def map_health(map_file: MapFile) -> MapHealth:
     sound = covered & finite.all(axis=(0, 3))
     if map_file.variance is not None:
         sound &= np.isfinite(map_file.variance).all(axis=-1)
+    # Radiance and standard error, mean of the channels, and the findings
     radiance = np.full(sound.shape, np.nan)
     radiance[sound] = layers[:, sound].sum(axis=0, dtype=np.float64).mean(axis=-1)
     error = _standard_error(map_file.variance, sound)
@@ -105,25 +107,25 @@ def map_health(map_file: MapFile) -> MapHealth:
 
 
 def firefly_texels(radiance: Array, error: Array) -> Mask:
-    """Texels of which a few samples make the value, and whose neighbours saw none of the like.
+    """Fireflies: texels dominated by a few samples, unlike their neighbours.
 
     Parameters
     ----------
     radiance, error : ndarray, shape (H, W)
-        Radiance and its standard error, mean of the channels; NaN where there is none to judge.
+        Radiance [W sr⁻¹ m⁻²] and its standard error, mean of the channels; NaN in texels to ignore.
 
     Returns
     -------
     ndarray of bool, shape (H, W)
-        With L and e of the texel, and the medians L̃ and ẽ of its 5 × 5 neighbourhood: e > `FEW_SAMPLES`·L,
-        e > `NOISIER`·ẽ and L > L̃ + `OUTLIER`·ẽ, all three. Noise that is as strong all around is no firefly.
+        True where e > `FEW_SAMPLES`·L, e > `NOISIER`·ẽ and L > L̃ + `OUTLIER`·ẽ, with L and e of the texel and the
+        medians L̃ and ẽ of its 5 × 5 neighbourhood. Uniformly strong noise is not a firefly.
 
     Notes
     -----
-    False alarms, for Gaussian noise on a flat neighbourhood, measured on 8e5 texels of 30 % noise: 3e-6 a texel of two
-    blocks (a bake of 4 to 11 samples), where mean and error have one degree of freedom between them; on 6e6 texels none
-    at all, so below 5e-7 with 95 % confidence, of 3 and 4 blocks. With 8 a chi-square variable of 7 degrees of freedom
-    would have to exceed 36 times its median: below 1e-45.
+    False-positive rate a texel, for Gaussian noise of 30 % on a constant neighbourhood: with two blocks (4 to 11
+    samples), where the error has one degree of freedom, 3e-6, measured on 8e5 texels; with 3 and 4 blocks below 5e-7 at
+    95 % confidence, none in 6e6 texels; with 8 blocks a chi-square variable of 7 degrees of freedom would have to
+    exceed 36 times its median: below 1e-45.
     """
     suspect = np.argwhere(error > FEW_SAMPLES * np.abs(radiance))
     found = np.zeros(radiance.shape, dtype=np.bool_)
@@ -136,7 +138,7 @@ def firefly_texels(radiance: Array, error: Array) -> Mask:
 
 
 def _median_around(values: Array, places: NDArray[np.intp]) -> Array:
-    """Median of the neighbourhoods of places (K, 2), the places themselves included, NaN left out."""
+    """Median of the neighbourhoods of texels (K, 2), the texels included, ignoring NaN."""
     padded = np.pad(values, REACH, constant_values=np.nan)
     steps = np.arange(2 * REACH + 1)
     row, column = (places[:, axis, None, None] for axis in (0, 1))
@@ -150,7 +152,7 @@ def _chunks(places: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
 
 
 def _standard_error(variance: NDArray[np.float32] | None, sound: Mask) -> Array:
-    """Standard error of the channels' mean, at most: the channels share their samples and err together."""
+    """Upper bound of the standard error of the channels' mean: channels share samples, so errors are correlated."""
     if variance is None:
         return np.full(sound.shape, np.nan)
     deviation = np.sqrt(np.where(sound[..., None], variance, 0.0).astype(np.float64))
@@ -158,7 +160,7 @@ def _standard_error(variance: NDArray[np.float32] | None, sound: Mask) -> Array:
 
 
 def _ratio(error: Array, radiance: Array) -> Array:
-    """Error over radiance; 0 where both are, Inf where light is all noise."""
+    """Error over radiance; 0 where the error is 0, Inf where only the radiance is 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(error == 0, 0.0, error / np.abs(radiance))
 

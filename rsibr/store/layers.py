@@ -1,4 +1,4 @@
-"""Which layers the map of a view has: a lobe each, or several lobes that need no more views, added up."""
+"""Layers of the map of a view: one for each lobe, or one for several lobes that need no further views."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from rsibr.store.manifest import LobeRecord
 from rsibr.store.map_file import MapFile
 
 WHOLE = "radiance"
-"""The one layer of a map that keeps no lobes apart."""
+"""Name of the only layer of a map without separate lobes."""
 
 REST = "rest"
-"""The layer of all lobes that a view does not keep apart, where it does others."""
+"""Name of the layer that holds the sum of the lobes without a layer of their own, if others have one."""
 
 
 def layers_at(lobes: Sequence[LobeRecord], index: int) -> dict[str, list[str]]:
-    """Layers of the view `index`, each with the names of the lobes in it, in the order of the map.
+    """Layers of the view `index`, each with the names of its lobes, in the order of the map.
 
     Parameters
     ----------
     lobes : sequence of LobeRecord
-        Of the manifest.
+        Lobes of the manifest.
     index : int
-        Place of the view among the stored ones.
+        Index of the view.
     """
     done = [lobe.name for lobe in lobes if lobe.views is not None and index >= lobe.views]
     if len(lobes) < 2 or len(done) == len(lobes):
         return {WHOLE: [lobe.name for lobe in lobes]}
-    added_up = done if len(done) > 1 else []  # one alone is the layer that it was
+    added_up = done if len(done) > 1 else []  # a single lobe keeps its own layer
     layers: dict[str, list[str]] = {}
     for lobe in lobes:
         layers.setdefault(REST if lobe.name in added_up else lobe.name, []).append(lobe.name)
@@ -38,7 +38,7 @@ def layers_at(lobes: Sequence[LobeRecord], index: int) -> dict[str, list[str]]:
 
 
 def layer_of(lobe: str, lobes: Sequence[LobeRecord]) -> str:
-    """Layer of a lobe in the views that keep it apart: a lone one is not told apart from the whole."""
+    """Layer of a lobe in the views that store it separately; a single lobe is the layer `WHOLE`."""
     return lobe if len(lobes) > 1 else WHOLE
 
 
@@ -48,15 +48,15 @@ def layered(map_file: MapFile, lobes: Sequence[LobeRecord], index: int) -> MapFi
     Parameters
     ----------
     map_file : MapFile
-        With a layer for each lobe.
+        Map with a layer for each lobe.
     lobes, index
         See `layers_at`.
 
     Returns
     -------
     MapFile
-        Lobes that are not kept apart are added up in their order, in float32. Where they come first, as the widest
-        lobes do, the sum of all layers keeps its very bits.
+        Lobes without a layer of their own are added in their order, in float32. If they come first, as the widest lobes
+        do, the sum of all layers is bit-identical.
     """
     parts = layers_at(lobes, index)
     if len(parts) == len(map_file.layers):

@@ -1,14 +1,14 @@
-"""The light of a bake as a multi-part OpenEXR file, float32, ZIP; see `rsibr.light.radiance.Light`.
+"""Environment of a bake as a multi-part OpenEXR file, float32, ZIP; see `rsibr.light.radiance.Light`.
 
 Parts, in this order, by name:
 
-- `light`: the octahedral picture;
-- `image`: where the material has a delta lobe and the environment is an image, that image, latitude-longitude, with its
-  axes (`rsibr:frame`, m33f, columns x, y, z in world coordinates);
+- `light`: octahedral image;
+- `image`: if the material has a delta lobe and the environment is an image, that latitude–longitude image with its axes
+  (`rsibr:frame`, m33f, columns x, y, z in world coordinates);
 - `level.01`, `level.02`, …: levels of the Gaussian pyramid, octahedral, with their standard deviation in radians
-  (`rsibr:width`, float); where a lobe is glossy;
-- `irradiance.0`, …: an irradiance map for each matte lobe, octahedral by the surface normal, with the weights of its
-  bare and its coated cosine lobe in each channel (`rsibr:weights`, m33f, rows bare, coated, zeros).
+  (`rsibr:width`, float), if a lobe is glossy;
+- `irradiance.0`, …: an irradiance map for each matte lobe, octahedral, indexed by the surface normal, with the weights
+  of its bare and its coated cosine lobe in each channel (`rsibr:weights`, m33f, rows bare, coated, zeros).
 """
 
 from __future__ import annotations
@@ -28,16 +28,15 @@ from rsibr.store.map_file import FRAME_KEY, REC709
 
 LIGHT_NAME = "light.exr"
 
-
 _PICTURE, _IMAGE, _LEVEL, _IRRADIANCE = "light", "image", "level.", "irradiance."
 _WIDTH_KEY, _WEIGHTS_KEY = "rsibr:width", "rsibr:weights"
 
 _Images = dict[str, tuple[NDArray[np.float32], dict[str, Any]]]
-"""Part name → its image and the attributes of its own."""
+"""Part name → its image and its own attributes."""
 
 
 def encode_light(light: Light) -> bytes:
-    """Bytes of the file: R, G, B, float32, ZIP; equal lights give equal bytes."""
+    """Bytes of the file: R, G, B, float32, ZIP; equal environments give equal bytes."""
     images = _images(light)
     header = {
         "type": OpenEXR.scanlineimage,
@@ -59,12 +58,12 @@ def encode_light(light: Light) -> bytes:
 
 
 def decode_light(data: bytes, where: str) -> Light:
-    """Inverse of `encode_light`; `where` names the file in an error.
+    """Decode a file of `encode_light`; `where` names the file in an error.
 
     Raises
     ------
     BakeError
-        If the bytes are no light of ours.
+        If the bytes are not such a file, or are truncated or altered.
     """
     try:
         with contextlib.redirect_stdout(io.StringIO()), OpenEXR.File(io.BytesIO(data)) as file:

@@ -1,6 +1,6 @@
-"""The manifest of a bake: what was asked for, what it was made with, and which views are done.
+"""Manifest of a bake: config, versions, and the state of each view.
 
-`manifest.json` is the last word: a map that it does not call done does not count, whatever lies in the directory.
+`manifest.json` is authoritative: a map that it does not list as done is ignored, even if its file exists.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class _Record(BaseModel):
 
 
 class EnvironmentRecord(_Record):
-    """What is to be known about the environment: its name, its clipped negative values, the lowest of them."""
+    """Environment: its name, the number of negative values clipped, and the lowest of them."""
 
     name: str
     clipped: int = Field(0, ge=0)
@@ -42,7 +42,7 @@ class EnvironmentRecord(_Record):
 
 
 class MaterialRecord(_Record):
-    """What is to be known about the material: its name, the warp that suits its lobe, what maps cannot hold of it."""
+    """Material: its name, the warp for one lobe, and notes on what maps cannot represent."""
 
     name: str
     warp: Literal["mirror", "normal"]
@@ -50,14 +50,14 @@ class MaterialRecord(_Record):
 
 
 class ProxyRecord(_Record):
-    """One of the smooth lobes that stand in for a lobe of the material; see `rsibr.lobes.fit.ProxyLobe`.
+    """One roughness of the proxy of a lobe; see `rsibr.lobes.fit.ProxyLobe`.
 
     Attributes
     ----------
     alpha : float
-        Its roughness.
+        Roughness α.
     coefficients : tuple of colours
-        Coefficient of each of its basis functions.
+        Coefficients of its basis functions.
     """
 
     alpha: float
@@ -65,21 +65,21 @@ class ProxyRecord(_Record):
 
 
 class LobeRecord(_Record):
-    """One lobe of the material, stored as a layer of its name.
+    """One lobe of the material.
 
     Attributes
     ----------
     name : str
         Name of the layer.
     alpha : float
-        Roughness of the lobe; see `rsibr.lobes.split.Lobe`.
+        Roughness α of the lobe; see `rsibr.lobes.split.Lobe`.
     albedo : tuple of colours
-        Its directional albedo over the viewing angle; see `rsibr.lobes.albedo`.
+        Directional albedo by view angle; see `rsibr.lobes.albedo`.
     proxies : tuple of ProxyRecord
-        What stands in for it in a model of the lobe; none for a delta, and in bakes older than this record.
+        Proxy of the lobe; empty for a delta lobe, and in bakes older than this record.
     views : int or None
-        The first so many views have a layer of it, the others have it added to further lobes; None where all have, and
-        in bakes older than this field. See `rsibr.store.layers`.
+        Number of views that store it as a layer of its own, the first ones; the others store it added to further lobes.
+        None if all views do, and in bakes older than this field. See `rsibr.store.layers`.
     """
 
     name: str
@@ -90,14 +90,14 @@ class LobeRecord(_Record):
 
 
 class LightRecord(_Record):
-    """The file of the light: its checksum and its size [bytes]."""
+    """File of the environment: checksum and size [bytes]."""
 
     sha256: str = Field(pattern=_SHA256)
     bytes: int = Field(ge=0)
 
 
 class HealthRecord(_Record):
-    """Texels of one map that are not to be trusted, counted when it was stored; `rsibr check` shows where they are.
+    """Number of unreliable texels of a map when it was stored; `rsibr check` locates them.
 
     Attributes
     ----------
@@ -115,24 +115,25 @@ class HealthRecord(_Record):
 
 
 class SamplingRecord(_Record):
-    """How many samples a bake takes, and where; decided before its first view, and kept when it is resumed.
+    """Number and allocation of the samples; decided before the first view, and kept when the bake is resumed.
 
     Attributes
     ----------
     block : int
-        Samples of a block; the blocks of a texel are independent.
+        Samples a block; the blocks of a texel are independent.
     even : int
-        Blocks of a texel where all have as many, and about their mean where not.
+        Blocks a texel if all have the same number, otherwise about the mean.
     scale : float or None
-        Blocks to the relative standard deviation of a texel, see `rsibr.baking.allocation`; None: all have as many.
+        Blocks per relative standard deviation of a texel, see `rsibr.baking.allocation`; None if all have the same
+        number.
     gain : float or None
-        Predicted ratio of the noise of even samples to that of allocated ones; None where no pilot asked.
+        Predicted ratio of the noise of uniform samples to that of allocated ones; None without a pilot.
     promised_rel_mse, promised_seconds : float or None
-        What the config asks for.
+        Target of the config.
     forecast_rel_mse : float or None
-        Noise of the maps that the pilot predicts, as relMSE, mean over the views.
+        Noise of the maps predicted by the pilot, as relMSE, mean over the views.
     seconds : float
-        From the beginning of the bake until this was decided: probes, pilots, kernels compiled.
+        Time from the beginning of the bake to this decision: probes, pilots, compilation of kernels [s].
     """
 
     block: int = Field(ge=1)
@@ -151,12 +152,12 @@ class SamplingRecord(_Record):
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What of it fixes the bits of the maps."""
+        """Values that determine the bits of the maps."""
         return {"block": self.block, "even": self.even, "scale": self.scale}
 
 
 class ProbeRecord(_Record):
-    """What a quick probe found: maps of few samples, held against views that are not among them.
+    """Result of a probe: a small bake with few samples, compared with novel views.
 
     Attributes
     ----------
@@ -165,7 +166,7 @@ class ProbeRecord(_Record):
     bias, upper : float
         RelMSE of the method `rsibr` without noise, mean over the probed views, and its upper confidence bound.
     noise : float
-        RelMSE that the noise of maps of so many samples adds.
+        RelMSE added by the noise of maps with so many samples.
     """
 
     resolution: int
@@ -177,28 +178,28 @@ class ProbeRecord(_Record):
 
 
 class BudgetRecord(_Record):
-    """What a budget of the whole bake promised, chose and reached.
+    """Budget of the whole bake: what was promised, chosen and reached.
 
     Attributes
     ----------
     asked : dict
-        The config as it was asked for, with its budget.
+        The config as given, with its budget.
     resolved : dict
-        What was made of it: the same without a budget, and with the choice.
+        The config that follows: without the budget, with the chosen values.
     promised_error, promised_seconds : float or None
         The budget itself.
     chosen : ProbeRecord
-        Probe of the size that was chosen.
+        Probe at the chosen size.
     probes : tuple of ProbeRecord
-        All that were made, in their order.
+        All probes, in order.
     forecast_error : float
-        RelMSE that is expected at most: upper bound of the bias, and the noise of the samples chosen.
+        Upper bound of the expected relMSE: that of the bias, plus the noise of the chosen samples.
     choice_seconds : float
-        Time that the probes took.
+        Time of the probes [s].
     reached_error, reached_ci95 : float, pair of float
-        RelMSE at views that took no part in the choice, with its confidence interval over them; None until measured.
+        RelMSE at views independent of the choice, with its confidence interval over them; None until measured.
     reached_seconds : float or None
-        Time of the whole bake, choice included, the measurement of `reached_error` not; None until it is done.
+        Time of the whole bake [s], with the choice, without the measurement of `reached_error`; None until done.
     """
 
     asked: dict[str, Any]
@@ -215,25 +216,25 @@ class BudgetRecord(_Record):
 
 
 class ViewState(_Record):
-    """One view of the bake, and its file once that is done.
+    """State of one view of the bake.
 
     Attributes
     ----------
     index : int
-        Place of the view in `Manifest.directions`.
+        Index of the view in `Manifest.directions`.
     view : tuple of float
         Unit vector from the surface to the viewer, in world coordinates.
     file : str
         Path of the map inside the bake's directory.
     sha256, bytes, seconds
-        Checksum and size [bytes] of the file, time that the view took to bake [s]; None until done.
+        Checksum and size [bytes] of the file, render time of the view [s]; None until done.
     done : bool
-        Whether the file is there, whole.
+        Whether the file is complete.
     health : HealthRecord or None
-        What is wrong with the map; None until done, and in bakes older than this record.
+        Findings in the map; None until done, and in bakes older than this record.
     noise : float or None
-        RelMSE that the noise of the map makes, from its variance; None until done, where a texel is not finite, and in
-        bakes older than this field.
+        RelMSE due to the noise of the map, from its variance; None until done, if a texel is not finite, and in bakes
+        older than this field.
     """
 
     index: int = Field(ge=0)
@@ -248,7 +249,7 @@ class ViewState(_Record):
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
-        if self.file != map_name(self.index):  # also keeps a forged manifest from pointing out of the directory
+        if self.file != map_name(self.index):  # also prevents paths outside the directory
             raise ValueError(f"view {self.index} has the file {self.file}")
         known = [value is not None for value in (self.sha256, self.seconds, self.bytes)]
         if not (all(known) if self.done else not any(known)):
@@ -264,7 +265,7 @@ class ViewState(_Record):
     def finished(
         self, sha256: str, seconds: float, size: int, health: HealthRecord | None = None, noise: float | None = None
     ) -> ViewState:
-        """Return the same view with its file: checksum, time it took [s], size [bytes], what is wrong with the map."""
+        """Return the same view as done: checksum, render time [s] and size [bytes] of its file, findings, noise."""
         return ViewState(
             index=self.index,
             view=self.view,
@@ -279,28 +280,28 @@ class ViewState(_Record):
 
 
 class Manifest(_Record):
-    """All that a bake knows of itself besides the pixels.
+    """Metadata of a bake.
 
     Attributes
     ----------
     schema_version : int
         Version of this schema.
     config, config_hash
-        The whole configuration as JSON holds it, seeds included, and the SHA-256 of its canonical form.
+        The whole config as plain JSON data, with seeds, and the SHA-256 of its canonical form.
     identity : dict
-        Everything that fixes the bits of the maps: two bakes with equal identity, directions, triangles and resolution
+        Values that determine the bits of the maps: two bakes with equal identity, directions, triangles and resolution
         are bit-identical.
     packages : dict of str to str
         Versions of the packages that the bake was made with.
     variant : str
         Mitsuba variant.
     environment, material
-        What is to be known about them, for reports.
+        Records of the two, for reports.
     lobes : tuple of LobeRecord
-        The material's lobes, layers of the maps; one lobe alone is the layer "radiance"; none where they are not kept
-        apart.
+        Lobes of the material, which are layers of the maps; a single lobe is the layer "radiance". Empty if lobes are
+        not separated.
     light : LightRecord or None
-        The light that the model of each lobe is made from; None until written, and in bakes older than this record.
+        File of the environment; None until written, and in bakes older than this record.
     resolution : int
         Texels along each side of a map.
     directions : tuple of vectors
@@ -310,11 +311,11 @@ class Manifest(_Record):
     views : tuple of ViewState
         State of each view, in the order of the directions.
     plan : Plan or None
-        Which effects are simulated, and why; None in bakes older than plans.
+        Effects that are simulated, with the evidence; None in bakes older than plans.
     sampling : SamplingRecord or None
-        How many samples are taken, and where; None in bakes older than this record.
+        Number and allocation of the samples; None in bakes older than this record.
     budget : BudgetRecord or None
-        What a budget of the whole bake chose; None without one.
+        Budget of the whole bake; None without one.
     """
 
     schema_version: Literal[1] = SCHEMA_VERSION
@@ -353,12 +354,12 @@ class Manifest(_Record):
         sampling: SamplingRecord | None = None,
         budget: BudgetRecord | None = None,
     ) -> Manifest:
-        """Manifest of a bake of which nothing is done yet.
+        """Manifest of a bake without finished views.
 
         Parameters
         ----------
         config, identity : mapping
-            What JSON can hold: dicts with string keys, lists, strings, finite numbers, booleans, None.
+            JSON data: dicts with string keys, lists, strings, finite numbers, booleans, None.
         packages, variant, environment, material, resolution, plan, sampling, budget
             See the class.
         directions : array_like, shape (V, 3)
@@ -369,12 +370,13 @@ class Manifest(_Record):
         Raises
         ------
         ValueError
-            If a number is not finite or an index out of range.
+            If a number is not finite, or an index is out of range.
         TypeError
-            If `config` or `identity` holds an object that JSON does not know.
+            If `config` or `identity` contains an object that is not JSON data.
         """
         rows = [(float(x), float(y), float(z)) for x, y, z in np.asarray(directions, np.float64)]
-        plain_config = json.loads(json.dumps(config, allow_nan=False))  # in its order: Mitsuba nests plugins by it
+        # Keys keep their order, by which Mitsuba identifies nested plugins
+        plain_config = json.loads(json.dumps(config, allow_nan=False))
         return cls(
             config=plain_config,
             config_hash=checksum(canonical(plain_config)),
@@ -413,32 +415,32 @@ class Manifest(_Record):
 
     @property
     def seconds(self) -> float:
-        """Time that the views done so far took to bake [s]."""
+        """Render time of the finished views [s]."""
         return sum(state.seconds or 0.0 for state in self.views)
 
     @property
     def total_seconds(self) -> float:
-        """Time from the beginning of the bake to its last map, what was decided before the first one included [s]."""
+        """Time from the beginning of the bake to its last map [s], with the decisions before the first one."""
         return self.seconds + (self.sampling.seconds if self.sampling else 0.0)
 
     @property
     def noise(self) -> float | None:
-        """RelMSE that the noise of the maps makes, mean over the views done; None where one does not know its own."""
+        """RelMSE due to the noise of the maps, mean over the finished views; None if it is unknown for one."""
         known = [state.noise for state in self.views if state.done]
         return sum(known) / len(known) if known and None not in known else None  # type: ignore[arg-type]
 
     @property
     def samples(self) -> int:
-        """Samples a texel, on average; of bakes older than their record, those of the config."""
+        """Samples a texel, on average; from the config in bakes older than `sampling`."""
         return self.sampling.samples if self.sampling else int(self.config["sampling"]["samples"])
 
     @property
     def size(self) -> int:
-        """Size of the maps done so far, and of the light [bytes]."""
+        """Size of the finished maps and of the environment [bytes]."""
         return sum(state.bytes or 0 for state in self.views) + (self.light.bytes if self.light else 0)
 
     def with_views(self, *states: ViewState) -> Manifest:
-        """Return a copy in which each of `states` stands at its index."""
+        """Return a copy with `states` at their indices."""
         views = list(self.views)
         for state in states:
             views[state.index] = state
@@ -451,7 +453,7 @@ def map_name(index: int) -> str:
 
 
 def write_manifest(path: Path, manifest: Manifest) -> None:
-    """Write the manifest to the file `path`, whole or not at all.
+    """Write the manifest to the file `path`, atomically.
 
     Raises
     ------
@@ -462,7 +464,7 @@ def write_manifest(path: Path, manifest: Manifest) -> None:
 
 
 def read_manifest(path: Path) -> Manifest:
-    """Read the manifest file `path` and check that it is as it was written, byte by byte.
+    """Read the manifest file `path` and check that it is unaltered, byte by byte.
 
     Raises
     ------
@@ -475,7 +477,7 @@ def read_manifest(path: Path) -> Manifest:
         body = json.loads(data)
         del body["checksum"]
         version = body["schema_version"]
-        # Our own bytes for the same content: finds a changed checksum, and a changed space as well.
+        # Re-encoding the content detects any change, of the checksum and of white space as well
         whole = data == _file_content(body)
     except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise BakeError("is no manifest of a bake, or is truncated", where=str(path), fix=remedy) from error
@@ -493,11 +495,11 @@ def read_manifest(path: Path) -> Manifest:
 
 
 def canonical(value: Any) -> bytes:
-    """Return the one JSON text of `value`, for hashing: keys sorted, no spaces, finite numbers only (ValueError)."""
+    """Canonical JSON of `value`, for hashing: keys sorted, no spaces; ValueError if a number is not finite."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
 
 
 def _file_content(body: dict[str, Any]) -> bytes:
-    """Bytes of the file: one key a line, for people and for diffs; the checksum over the canonical form comes last."""
+    """Bytes of the file: one key a line, for readers and diffs; the last is the checksum of the canonical form."""
     content = {**body, "checksum": checksum(canonical(body))}
     return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()

@@ -1,8 +1,8 @@
-"""A radiance sphere map as one multi-part OpenEXR file that explains itself to any EXR viewer.
+"""Radiance sphere map as a self-describing multi-part OpenEXR file.
 
 One part a lobe (R, G, B), then `variance` (R, G, B), then `coverage` (Y); float32, ZIP; a grey map has Y in place of
 R, G, B. Every part's header holds the view vector (`rsibr:view`, v3f), the frame (`rsibr:frame`, m33f, columns x, y, z
-in world coordinates) and a digest of the pixels of all parts (`rsibr:digest`): OpenEXR itself raises nothing on a
+in world coordinates) and a digest of the pixels of all parts (`rsibr:digest`), because OpenEXR does not raise on a
 truncated file.
 """
 
@@ -39,28 +39,28 @@ _FRAME_TOLERANCE = 1e-5  # the headers are float32
 
 @dataclass(frozen=True, eq=False)
 class MapFile:
-    """What one file holds: a sphere map seen from one view.
+    """Sphere map of one view, as stored in a file.
 
     Attributes
     ----------
     view : ndarray of float64, shape (3,)
-        Unit vector from the surface to the viewer, in world coordinates. float32 precision once read from a file.
+        Unit vector from the surface to the viewer, in world coordinates; of float32 precision if read from a file.
     frame : ndarray of float64, shape (3, 3)
         Rotation whose columns are x (right), y (up) and z = `view` in world coordinates.
     layers : dict of str to ndarray of float32, shape (N, N, 3)
-        Radiance [W sr⁻¹ m⁻²] of each lobe, or of several added up (see `rsibr.store.layers`), row 0 at the top, in the
-        order of the file's parts. The first one is what a plain viewer shows. Their sum is the map.
+        Radiance [W sr⁻¹ m⁻²] of each lobe, or of the sum of several (see `rsibr.store.layers`), row 0 at the top, in
+        the order of the file's parts. Image viewers show the first one. Their sum is the map.
     variance : ndarray of float32, shape (N, N, 3), or None
-        Variance of the mean of the summed lobes; None where it is not known, as for a reconstructed map.
+        Variance of the mean of the summed lobes; None if unknown, as for a reconstructed map.
     coverage : ndarray of float32, shape (N, N)
         Share of each texel that lies inside the unit disk.
     grey : bool
-        Whether a part whose channels are all the same is written as one, Y, of which a reader makes three again.
+        Whether a part with three equal channels is written as one, Y, which a reader expands to three.
 
     Raises
     ------
     ValueError
-        If a shape, a type or the frame is not as above.
+        If a shape, a type or the frame differs from the above.
     """
 
     view: NDArray[np.float64]
@@ -71,7 +71,7 @@ class MapFile:
     grey: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what the file could not hold, or what a reader would misread."""
+        """Reject what the file format cannot represent."""
         if not self.layers or not all(self.layers) or {VARIANCE, COVERAGE} & set(self.layers):
             raise ValueError(f"layers need names, other than '{VARIANCE}' and '{COVERAGE}': {list(self.layers)}")
         if self.resolution < 1:
@@ -89,7 +89,7 @@ class MapFile:
 
     @property
     def radiance(self) -> Image:
-        """Radiance of the whole material, shape (N, N, 3): its lobes add up to it."""
+        """Radiance of the whole material [W sr⁻¹ m⁻²], shape (N, N, 3): the sum of the layers."""
         return np.asarray(np.sum(list(self.layers.values()), axis=0, dtype=np.float32))
 
     def parts(self) -> Iterator[tuple[str, Image]]:
@@ -101,7 +101,7 @@ class MapFile:
 
 
 def write_map(path: Path, map_file: MapFile) -> str:
-    """Write a map to `path`, whole or not at all; the same map gives the same bytes.
+    """Write a map to `path`, atomically; equal maps give equal bytes.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def write_map(path: Path, map_file: MapFile) -> str:
     MachineError
         If the disk is full or fails.
     BakeError
-        If the folder is missing or may not be written to.
+        If the folder is missing or not writable.
     """
     data = encode_map(map_file)
     write_atomic(Path(path), data)
@@ -128,20 +128,20 @@ def write_map(path: Path, map_file: MapFile) -> str:
 
 
 def read_map(path: Path) -> MapFile:
-    """Read a map that `write_map` wrote.
+    """Read a map written by `write_map`.
 
-    Non-finite texels are let through: whether they matter depends on the coverage and on the use.
+    Non-finite texels are accepted; whether they matter depends on the coverage and on the use.
 
     Raises
     ------
     BakeError
-        If the file cannot be read, is truncated or altered, or is no map of ours.
+        If the file cannot be read, is truncated or altered, or is not a map of rsibr.
     """
     return decode_map(read_bytes(Path(path)), where=str(path))
 
 
 def encode_map(map_file: MapFile) -> bytes:
-    """Bytes of the OpenEXR file; no time and no place goes in, so equal maps give equal bytes."""
+    """Bytes of the OpenEXR file, without times or paths, so that equal maps give equal bytes."""
     header = {
         "type": OpenEXR.scanlineimage,
         "compression": OpenEXR.ZIP_COMPRESSION,
@@ -151,7 +151,7 @@ def encode_map(map_file: MapFile) -> bytes:
         FRAME_KEY: np.ascontiguousarray(map_file.frame, np.float32),
         DIGEST_KEY: _digest(map_file),
     }
-    # OpenEXR ignores the strides of an array: a slice would be written as other texels than it shows.
+    # OpenEXR ignores the strides of an array: arrays must be contiguous
     parts = [
         OpenEXR.Part(dict(header), _channels(name, image, map_file.grey), name) for name, image in map_file.parts()
     ]
@@ -162,15 +162,15 @@ def encode_map(map_file: MapFile) -> bytes:
 
 
 def decode_map(data: bytes, where: str) -> MapFile:
-    """Inverse of `encode_map`; `where` names the file in an error.
+    """Decode a file of `encode_map`; `where` names the file in an error.
 
     Raises
     ------
     BakeError
-        If the bytes are truncated or altered, or are no map of ours.
+        If the bytes are truncated or altered, or are not a map of rsibr.
     """
     try:
-        # OpenEXR prints its warnings on stdout, where `--json` has its one object.
+        # OpenEXR prints warnings on stdout, which `--json` reserves for its object
         with contextlib.redirect_stdout(io.StringIO()), OpenEXR.File(io.BytesIO(data)) as file:
             headers = [dict(part.header) for part in file.parts]
             images = {part.name(): _pixels(part) for part in file.parts}
@@ -199,15 +199,15 @@ def _is_grey(image: Image) -> bool:
 
 
 def _agree(headers: list[dict[str, Any]]) -> bool:
-    """Whether all parts carry the same view, frame and digest."""
+    """Whether all parts have the same view, frame and digest."""
     return all(
         np.array_equal(header[key], headers[0][key]) for header in headers for key in (VIEW_KEY, FRAME_KEY, DIGEST_KEY)
     )
 
 
 def _channels(part: str, image: Image, grey: bool) -> dict[str, Image]:
-    """A part's one array: OpenEXR's Python package stands "RGB" for the channels R, G and B together."""
-    # The pixels decide, not the flag: a texel that was changed since loses nothing
+    """Channels of a part: OpenEXR's Python package names the channels R, G, B together "RGB"."""
+    # Check the pixels besides the flag, so that no colour is lost
     stored = image[..., 0] if grey and part != COVERAGE and _is_grey(image) else image
     return {"RGB" if stored.ndim == 3 else "Y": np.ascontiguousarray(stored)}
 
@@ -223,7 +223,7 @@ def _pixels(part: Any) -> Image:
 
 
 def _digest(map_file: MapFile) -> str:
-    """SHA-256 over view, frame and the pixels of all parts, as the file holds them."""
+    """SHA-256 of view, frame and the pixels of all parts, as stored."""
     digest = hashlib.sha256()
     for values in (map_file.view, map_file.frame):
         digest.update(np.asarray(values, "<f4").tobytes())

@@ -1,4 +1,4 @@
-"""The noise of a map on the scale of its error: variance relative to the squared radiance."""
+"""Noise of a map as relMSE: variance relative to the squared radiance."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from rsibr.store.map_file import MapFile
 
 COVERED = 0.5
-"""Texels of this coverage or more are judged."""
+"""Least coverage of the texels that are evaluated."""
 
 _SOFTENING = 0.1
 _DARKEST_CHANNEL = 1e-4
@@ -18,17 +18,17 @@ Array = NDArray[np.float64]
 
 
 def denominator(b: Array) -> Array:
-    """b² + ε, with ε = (0.1·mean b)² a channel: what a squared error is relative to.
+    """Denominator of relMSE: b² + ε with ε = (0.1·mean b)², per channel.
 
     Parameters
     ----------
     b : ndarray, shape (T, 3)
-        Radiance of the reference in the judged texels.
+        Radiance of the reference in the evaluated texels.
 
     Notes
     -----
-    A channel darker than 1e-4 of the mean of all three takes that as its mean, lest rounding in a channel that is all
-    but black outweighs what can be seen. The least float32 keeps an all-black reference finite.
+    The mean of a channel is at least 1e-4 of the mean of all three, so that rounding in an almost black channel does
+    not dominate. The smallest normal float32, squared, avoids division by zero for a black reference.
     """
     mean = np.abs(b.mean(axis=0))
     softening = _SOFTENING * np.maximum(mean, _DARKEST_CHANNEL * mean.mean())
@@ -41,18 +41,18 @@ def relative_variance(mean: Array, variance: Array) -> Array:
     Parameters
     ----------
     mean, variance : ndarray, shape (T, 3)
-        Of the judged texels of one map.
+        Radiance and its variance in the evaluated texels of one map.
 
     Returns
     -------
     ndarray, shape (T,)
-        Its mean over the texels is the relMSE that the noise makes.
+        Relative variance; its mean over the texels is the relMSE due to noise.
     """
     return np.asarray((variance / denominator(mean)).mean(axis=1))
 
 
 def map_noise(map_file: MapFile) -> float:
-    """RelMSE that the noise of a stored map makes, from its variance; NaN where a judged texel is not finite."""
+    """RelMSE due to the noise of a map, from its variance; NaN if an evaluated texel is not finite."""
     if map_file.variance is None:
         raise ValueError("the variance of the map is not known")
     judged = map_file.coverage >= COVERED

@@ -1,4 +1,4 @@
-"""What a method reads of a bake: the same of one on disk, of maps in memory, and of a bake with altered maps."""
+"""Protocol of a bake as methods read it: on disk, in memory, or with modified maps."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from rsibr.store.map_file import MapFile
 
 
 class StoredMaps(Protocol):
-    """Maps of stored views with their manifest and light; `Bake` is the one on disk, see there for each member."""
+    """Maps of the stored views, with manifest and environment; `Bake` is the implementation on disk."""
 
     @property
     def path(self) -> Path:
-        """Directory, or a name that stands for it in messages."""
+        """Directory, or a name to show in messages."""
         ...
 
     @property
     def manifest(self) -> Manifest:
-        """What the maps were made from."""
+        """Manifest of the bake."""
         ...
 
     @property
     def view_count(self) -> int:
-        """Count of stored views."""
+        """Number of stored views."""
         ...
 
     @property
     def has_views(self) -> bool:
-        """Whether there are views all around, with triangles between them."""
+        """Whether the views cover the sphere, with triangles between them."""
         ...
 
     @property
@@ -44,17 +44,17 @@ class StoredMaps(Protocol):
 
     @property
     def rendering(self) -> Rendering:
-        """What was carried along a path."""
+        """Rendering of the maps: "rgb", "spectral" or "spectral_polarized"."""
         ...
 
     @property
     def seconds(self) -> float:
-        """Time that the bake took [s]."""
+        """Render time of all views together [s]."""
         ...
 
     @property
     def bytes(self) -> int:
-        """Size of maps and light [bytes]."""
+        """Size of maps and environment [bytes]."""
         ...
 
     @property
@@ -69,9 +69,9 @@ class StoredMaps(Protocol):
 
     @property
     def light(self) -> Light:
-        """The distant light."""
+        """Environment of the bake."""
         ...
 
     def map(self, index: int) -> MapFile:
-        """Map of one view."""
+        """Read the map of one view."""
         ...

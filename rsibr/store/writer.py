@@ -1,4 +1,4 @@
-"""Writing a bake: one process at a time, view by view, so that a crash at any moment costs one view at most."""
+"""Writing of a bake: one process at a time, view by view, so that a crash loses at most one view."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ from rsibr.store.map_file import MapFile, write_map
 from rsibr.store.noise import map_noise
 
 _MAP_PATTERN = re.compile(r"view_\d{4,}\.exr")
-_VIEW_TOLERANCE = 1e-6  # a map's header keeps its view in float32
+_VIEW_TOLERANCE = 1e-6  # the header of a map stores its view in float32
 
 
 class BakeWriter:
-    """The one process that may write a bake; made by `BakeWriter.open`, used in a `with` statement.
+    """Exclusive writer of a bake; made by `BakeWriter.open`, used in a `with` statement.
 
-    A crash at any moment leaves a bake that the next writer goes on with. Views that are done stay done.
+    After a crash at any moment the next writer resumes the bake; finished views are kept.
 
     Attributes
     ----------
     path : Path
         Directory of the bake.
     manifest : Manifest
-        As it stands on disk.
+        Manifest on disk.
     """
 
     def __init__(self, path: Path, manifest: Manifest, lock: FileLock) -> None:
@@ -58,28 +58,28 @@ class BakeWriter:
     def open(
         cls, path: Path, manifest: Manifest | Callable[[Manifest | None], Manifest], fresh: bool = False
     ) -> BakeWriter:
-        """Begin a bake in the directory `path`, or go on with the one that is there.
+        """Begin a bake in the directory `path`, or resume the one that exists there.
 
         Parameters
         ----------
         path : Path
-            Directory of the bake, `NAME.rsibr`; made where it does not exist, parents too.
+            Directory of the bake, `NAME.rsibr`; created with its parents if absent.
         manifest : Manifest or callable
-            What to bake, from `Manifest.planned`; or what makes it, once the directory is this process's own, of the
-            manifest that is there, if any: what was decided then is not decided again.
+            Manifest of the bake, from `Manifest.planned`. Or a function that makes it of the existing manifest, if any,
+            once the directory is locked, so that earlier decisions are kept.
         fresh : bool
-            Whether to throw away a bake that is there, whatever its config and state, and to begin anew.
+            Whether to discard an existing bake, whatever its config and state.
 
         Returns
         -------
         BakeWriter
-            Holds the directory's lock until it is closed.
+            Holds the lock of the directory until it is closed.
 
         Raises
         ------
         BakeError
-            If the directory holds something else than a bake; a bake of another config or a broken manifest, unless
-            `fresh`; or if another process is writing it, or it may not be written to.
+            If the directory has other content; if it holds a bake of another config or a broken manifest, unless
+            `fresh`; if another process is writing it; or if it is not writable.
         MachineError
             If the disk is full or fails.
         """
@@ -102,23 +102,23 @@ class BakeWriter:
         return self.manifest.pending
 
     def commit(self, index: int, map_file: MapFile, seconds: float) -> None:
-        """Store the map of one view, for good: once this returns, not even a power cut takes it back.
+        """Store the map of one view durably: it survives a power failure once this returns.
 
         Parameters
         ----------
         index : int
             A pending view.
         map_file : MapFile
-            Its map, with its variance, at the bake's resolution and seen from the view's direction.
+            Map of the view, with its variance, at the resolution of the bake.
         seconds : float
-            Time that the view took to bake [s].
+            Render time of the view [s].
 
         Raises
         ------
         ValueError
             If the view is not pending, or the map is not of this view.
         MachineError, BakeError
-            If the map cannot be written; the view is pending still.
+            If the map cannot be written; the view remains pending.
         """
         if index not in self.pending:
             raise ValueError(f"view {index} is not pending")
@@ -134,11 +134,11 @@ class BakeWriter:
 
     @property
     def has_light(self) -> bool:
-        """Whether the light is stored already."""
+        """Whether the environment is stored already."""
         return self.manifest.light is not None
 
     def commit_light(self, light: Light) -> None:
-        """Store the light, for good.
+        """Store the environment durably.
 
         Raises
         ------
@@ -151,11 +151,11 @@ class BakeWriter:
         self._record(self.manifest.model_copy(update={"light": record}))
 
     def record_plan(self, plan: Plan) -> None:
-        """Put the plan into the manifest in place of the one that the bake began with: now its costs are known."""
+        """Replace the plan in the manifest, once its costs are known."""
         self._record(self.manifest.model_copy(update={"plan": plan}))
 
     def close(self) -> None:
-        """Give the directory free for another writer."""
+        """Release the lock of the directory."""
         self._lock.release()
 
     def __enter__(self) -> Self:
@@ -173,7 +173,7 @@ class BakeWriter:
         self.manifest = manifest
 
     def _sweep(self) -> None:
-        """Remove what killed writers left behind: temporary files, and maps that the manifest does not count."""
+        """Remove remains of killed writers: temporary files, and maps that the manifest does not list as done."""
         done = {self.path / state.file for state in self.manifest.views if state.done}
         stale = [entry for entry in entries(self.path) if is_leftover(entry)]
         for entry in entries(self.path / MAPS_NAME):
@@ -187,7 +187,7 @@ class BakeWriter:
 
 
 def _continued(path: Path, manifest: Manifest | Callable[[Manifest | None], Manifest], fresh: bool) -> Manifest:
-    """Return what is wanted with the views that are already there, whole."""
+    """Return the wanted manifest with the finished views of the existing one whose files are intact."""
     found = None if fresh or not (path / MANIFEST_NAME).exists() else read_manifest(path / MANIFEST_NAME)
     wanted = manifest if isinstance(manifest, Manifest) else manifest(found)
     if found is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +12,14 @@ from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
 from rsibr.methods.registry import judged_by_lobe
 from rsibr.store.bake import Bake
+from rsibr.studies.agenda import BakeSize, Variant
+from rsibr.studies.judged_scene import JudgedScene
 from rsibr.studies.lobes import mean_lobe_errors
-from rsibr.studies.noise import NoisyBake, noise_of, without
-from rsibr.studies.plan import BakeSize, Variant
+from rsibr.studies.noise import noise_of, noisy_maps, without
 from rsibr.studies.results import BakeRecord, ErrorRecord, PointRecord, Timing, label_of
 from rsibr.studies.variants import bytes_read, opened_at, variant_of
 from rsibr.validation.metrics import compare
 from rsibr.validation.report.estimate_document import EstimateModel
-
-if TYPE_CHECKING:
-    from rsibr.studies.bench import Bench
 
 Images = list[NDArray[np.float32]]
 
@@ -32,13 +30,14 @@ class BakedMaps:
 
     Attributes
     ----------
-    bench : Bench
+    judged : JudgedScene
+        What the pictures are compared with.
     bake : Bake
     record : BakeRecord
     size : BakeSize
     """
 
-    bench: Bench
+    judged: JudgedScene
     bake: Bake
     record: BakeRecord
     size: BakeSize
@@ -47,10 +46,10 @@ class BakedMaps:
 
     def measure(self, variant: Variant) -> PointRecord:
         """Error and cost of the pictures of all judged views."""
-        bench, method = self.bench, variant_of(self._at(variant.precision), variant)
+        judged, method = self.judged, variant_of(self._at(variant.precision), variant)
         images, seconds = self._timed(method)
-        judged = zip(images, bench.references, strict=True)
-        error = ErrorRecord.of([compare(image, truth, bench.exposures, name=str(variant)) for image, truth in judged])
+        pairs = zip(images, judged.references, strict=True)
+        error = ErrorRecord.of([compare(image, truth, judged.exposures, name=str(variant)) for image, truth in pairs])
         noise = self._noise_of(variant)
         return PointRecord(
             label=label_of(variant, self.record.views, self.record.resolution, self.record.samples),
@@ -66,16 +65,16 @@ class BakedMaps:
 
     def _timed(self, method: Any) -> tuple[Images, list[float]]:
         """Picture of each judged view, and the times of its repeats; the first run, which compiles, does not count."""
-        resolution, images, seconds = self.bench.scene.resolution, [], []
-        for frame in self.bench.frames:
+        resolution, images, seconds = self.judged.scene.resolution, [], []
+        for frame in self.judged.frames:
             images.append(run(method, frame, resolution).image)
-            seconds += [run(method, frame, resolution).seconds for _ in range(self.bench.judge.repeats)]
+            seconds += [run(method, frame, resolution).seconds for _ in range(self.judged.judge.repeats)]
         return images, seconds
 
     def _at(self, precision: str) -> MethodSet:
         if precision not in self._methods:
             opened = (
-                NoisyBake(self.bake.path, self.bake.manifest, self.bench.scene.seed)
+                noisy_maps(self.bake, self.judged.scene.seed)
                 if precision == "noisy"
                 else opened_at(self.bake, precision)
             )
@@ -88,23 +87,23 @@ class BakedMaps:
         if plain not in self._noise:
             images, noisy = (
                 [
-                    run(variant_of(self._at(kind), plain), frame, self.bench.scene.resolution).image
-                    for frame in self.bench.frames
+                    run(variant_of(self._at(kind), plain), frame, self.judged.scene.resolution).image
+                    for frame in self.judged.frames
                 ]
                 for kind in ("float32", "noisy")
             )
-            self._noise[plain] = noise_of(images, noisy, self.bench.references)
+            self._noise[plain] = noise_of(images, noisy, self.judged.references)
         return self._noise[plain]
 
     def _has_parts(self, variant: Variant) -> bool:
         return judged_by_lobe(variant.method) and len(self.bake.manifest.lobes) > 1
 
     def _lobes(self, variant: Variant) -> dict[str, EstimateModel]:
-        bench, methods = self.bench, self._at(variant.precision)
+        judged, methods = self.judged, self._at(variant.precision)
         names = [lobe.name for lobe in self.bake.manifest.lobes]
         parts = {name: methods.variant(variant.method, lobe=name) for name in names}
-        truths = [bench.lobe_truth(frame) for frame in bench.frames]
-        return mean_lobe_errors(parts, bench.frames, truths, bench.references)
+        truths = [judged.lobe_truth(frame) for frame in judged.frames]
+        return mean_lobe_errors(parts, judged.frames, truths, judged.references)
 
 
 def bake_record(baked: Bake, size: BakeSize, wall_seconds: float | None) -> BakeRecord:

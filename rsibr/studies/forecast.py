@@ -11,17 +11,15 @@ from functools import cached_property, partial
 import numpy as np
 
 from rsibr import backend
-from rsibr.baking.integrator import SphereIntegrator
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import icosphere
-from rsibr.lobes.split import LobeSplit
 from rsibr.methods.registry import judged_by_lobe
 from rsibr.scene.views import load_viewpoints
+from rsibr.studies.agenda import Agenda, BakeSize, Variant
 from rsibr.studies.bench import Bench
 from rsibr.studies.config import PathTracingConfig
 from rsibr.studies.lobes import lobe_key
-from rsibr.studies.plan import BakeSize, Plan, Variant
-from rsibr.studies.scene import Scene
+from rsibr.studies.scene import StudyScene
 from rsibr.studies.truth import reference_key
 
 _PROBE_RESOLUTION = 48
@@ -61,21 +59,19 @@ class Rates:
 
     Parameters
     ----------
-    scene : Scene
+    scene : StudyScene
         What to measure with: the second run of a small bake, and of a small path-traced picture.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: StudyScene) -> None:
         self._scene = scene
         self._frame, self._seeds = view_frame((1.0, 2.0, 3.0)), np.random.SeedSequence(0)
 
     @cached_property
     def bake(self) -> float:
         """Samples a second of the bake."""
-        split = LobeSplit.of(self._scene.material.bsdf())
+        integrator = self._scene.prepared.parts.integrator(_PROBE_RESOLUTION, self._scene.rendering)
         with backend.rendering(self._scene.rendering):
-            parts = self._scene.environment.emitter(), self._scene.material.bsdf()
-            integrator = SphereIntegrator(*parts, _PROBE_RESOLUTION, split)
             seconds = _seconds_of(lambda: integrator.block(self._frame, _PROBE_SAMPLES, self._seeds))
         return float(integrator.coverage.sum()) * _PROBE_SAMPLES / seconds
 
@@ -87,46 +83,46 @@ class Rates:
         return self._scene.resolution**2 * _PROBE_SAMPLES / seconds
 
 
-def steps_of(bench: Bench, plan: Plan, path_tracing: PathTracingConfig, rates: Rates) -> Iterator[Step]:
+def steps_of(bench: Bench, agenda: Agenda, path_tracing: PathTracingConfig, rates: Rates) -> Iterator[Step]:
     """List what is still to be measured in a scene, in order.
 
     Parameters
     ----------
     bench : Bench
         Where the scene is measured; what its journal knows is no step any more.
-    plan : Plan
+    agenda : Agenda
         Bakes, and the pictures of each.
     path_tracing : PathTracingConfig
         Samples of the path-traced pictures.
     rates : Rates
         How fast the machine is.
     """
-    yield from _truths(bench, plan, rates)
-    samples, pictures = sorted(path_tracing.samples), max(bench.judge.repeats, len(bench.frames))
+    yield from _truths(bench, agenda, rates)
+    samples, pictures = sorted(path_tracing.samples), max(bench.judged.judge.repeats, len(bench.judged.frames))
     for pass_samples in (None, path_tracing.pass_samples):
         if bench.known_path_tracing(samples, pass_samples) is None:
             texels = bench.scene.resolution**2
             seconds = (pictures + 1) * texels * sum(samples) / rates.path_tracing
             name = "path tracing" if pass_samples is None else "path tracing in passes"
-            comparisons = len(samples) * len(bench.frames) * _PER_COMPARISON
+            comparisons = len(samples) * len(bench.judged.frames) * _PER_COMPARISON
             yield Step(name, seconds + comparisons, partial(bench.path_tracing, samples, pass_samples))
-    for size, variants in plan.items():
+    for size, variants in agenda.items():
         missing = [variant for variant in variants if bench.known_point(size, variant) is None]
         if missing:
             yield from _bake(bench, size, missing, rates)
 
 
-def _truths(bench: Bench, plan: Plan, rates: Rates) -> Iterator[Step]:
-    scene, samples = bench.scene, bench.judge.samples
+def _truths(bench: Bench, agenda: Agenda, rates: Rates) -> Iterator[Step]:
+    scene, samples = bench.scene, bench.judged.judge.samples
     work = scene.resolution**2 * samples
-    lobed = any(judged_by_lobe(variant.method) for variants in plan.values() for variant in variants)
-    for number, frame in enumerate(bench.frames, 1):
-        if not bench.store.has(reference_key(scene, frame, samples)):
+    lobed = any(judged_by_lobe(variant.method) for variants in agenda.values() for variant in variants)
+    for number, frame in enumerate(bench.judged.frames, 1):
+        if not bench.judged.store.has(reference_key(scene, frame, samples)):
             seconds = _PER_TRUTH + work / rates.path_tracing
-            yield Step(f"reference {number}", seconds, partial(bench.reference, frame))
-        if lobed and not bench.store.has(lobe_key(scene, frame, samples)):
+            yield Step(f"reference {number}", seconds, partial(bench.judged.reference, frame))
+        if lobed and not bench.judged.store.has(lobe_key(scene, frame, samples)):
             seconds = _PER_TRUTH + math.pi / 4 * work / rates.bake
-            yield Step(f"lobes of reference {number}", seconds, partial(bench.lobe_truth, frame))
+            yield Step(f"lobes of reference {number}", seconds, partial(bench.judged.lobe_truth, frame))
 
 
 def _bake(bench: Bench, size: BakeSize, variants: Sequence[Variant], rates: Rates) -> Iterator[Step]:
@@ -134,13 +130,13 @@ def _bake(bench: Bench, size: BakeSize, variants: Sequence[Variant], rates: Rate
     name = f"bake of {views} views, {size.resolution}², {size.samples} samples"
     a_view = _PER_VIEW + math.pi / 4 * size.resolution**2 * size.samples / rates.bake
     yield Step(name, _PER_BAKE + views * a_view, partial(bench.bake, size))
-    pictures = len(bench.frames) * (bench.judge.repeats + _UNTIMED_PICTURES)
-    seconds = _PER_POINT + pictures * _PER_PICTURE + len(bench.frames) * _PER_COMPARISON
+    pictures = len(bench.judged.frames) * (bench.judged.judge.repeats + _UNTIMED_PICTURES)
+    seconds = _PER_POINT + pictures * _PER_PICTURE + len(bench.judged.frames) * _PER_COMPARISON
     for variant in variants:
         yield Step(f"{variant} of {views} views", seconds, partial(bench.measure, size, variant))
 
 
-def _view_count(scene: Scene, size: BakeSize) -> int:
+def _view_count(scene: StudyScene, size: BakeSize) -> int:
     return len(icosphere(size.subdivision) if size.subdivision is not None else load_viewpoints(scene.config.views))
 
 

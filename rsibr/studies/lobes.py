@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.lobes.split import LobeSplit
 from rsibr.methods.protocol import Method
 from rsibr.methods.reconstruction import run
 from rsibr.store.noise import COVERED
 from rsibr.studies.results import mean_model
-from rsibr.studies.scene import Scene
+from rsibr.studies.scene import StudyScene
 from rsibr.studies.truth import Arrays, TruthStore
 from rsibr.validation.estimate import Estimate
 from rsibr.validation.lobe_reference import LobeReference
@@ -21,12 +20,12 @@ from rsibr.validation.reference import MINIMUM_BUFFERS, Reference
 from rsibr.validation.report.estimate_document import EstimateModel
 
 
-def lobe_key(scene: Scene, frame: NDArray[np.float64], samples: int) -> dict[str, object]:
+def lobe_key(scene: StudyScene, frame: NDArray[np.float64], samples: int) -> dict[str, object]:
     """What the truth of the lobes depends on."""
     return {"kind": "lobes", **scene.identity, "frame": frame.tolist(), "samples": samples}
 
 
-def lobe_truth(scene: Scene, frame: NDArray[np.float64], samples: int, store: TruthStore) -> Arrays:
+def lobe_truth(scene: StudyScene, frame: NDArray[np.float64], samples: int, store: TruthStore) -> Arrays:
     """Radiance of each lobe from a judged view, in independent buffers; see `rsibr.validation.lobe_reference`.
 
     Returns
@@ -36,11 +35,8 @@ def lobe_truth(scene: Scene, frame: NDArray[np.float64], samples: int, store: Tr
     """
 
     def make() -> tuple[Arrays, dict[str, object]]:
-        split = LobeSplit.of(scene.material.bsdf())
-        truth = LobeReference(
-            scene.environment, scene.material, scene.resolution, split, scene.rendering,
-            samples=samples, buffers=MINIMUM_BUFFERS, seed=scene.seed,
-        )  # fmt: skip
+        integrator = scene.prepared.parts.integrator(scene.resolution, scene.rendering)
+        truth = LobeReference(integrator, samples=samples, buffers=MINIMUM_BUFFERS, seed=scene.seed)
         buffers = truth.buffers(frame)
         images = {
             name: np.stack([truth.image(values) for values in buffers[:, :, k]]) for k, name in enumerate(truth.names)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.store.bake import Bake
+from rsibr.store.described_maps import AlteredMaps
 from rsibr.store.map_file import MapFile
 from rsibr.store.noise import COVERED, denominator
+from rsibr.store.stored_maps import StoredMaps
 from rsibr.validation.reference import Reference
 from rsibr.validation.report.estimate_document import EstimateModel
 
@@ -18,8 +19,7 @@ _NOISE_BRANCH = 0x6E6F_6973
 """Branch of the seed tree (the letters "nois")."""
 
 
-@dataclass(frozen=True, eq=False)
-class NoisyBake(Bake):
+def noisy_maps(bake: StoredMaps, seed: int) -> AlteredMaps:
     """A bake with as much noise again in its maps as they have: independent Gaussians of the stored variance.
 
     The difference of a picture made of it and one made of the bake itself is the noise that the picture has: exactly so
@@ -27,18 +27,15 @@ class NoisyBake(Bake):
     is stored for the sum of the lobes; it is shared out among them in proportion to their radiance, as of independent
     lobes, so that their sum has the variance that was stored.
 
-    Attributes
+    Parameters
     ----------
+    bake : StoredMaps
     seed : int
         Root of the seed tree.
     """
 
-    seed: int = 0
-
-    def map(self, index: int) -> MapFile:
-        """See `Bake.map`."""
-        stored = super().map(index)
-        generator = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(_NOISE_BRANCH, index)))
+    def noisy(index: int, stored: MapFile) -> MapFile:
+        generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_NOISE_BRANCH, index)))
         variance = np.zeros_like(stored.radiance) if stored.variance is None else stored.variance
         whole = np.sum([np.abs(image) for image in stored.layers.values()], axis=0)
         layers = {}
@@ -49,6 +46,8 @@ class NoisyBake(Bake):
             layers[name] = np.asarray(image + noise, dtype=np.float32)
         return replace(stored, layers=layers)
 
+    return AlteredMaps.of(bake, noisy)
+
 
 def noise_of(
     pictures: Iterable[NDArray[np.float32]], noisy: Iterable[NDArray[np.float32]], references: Iterable[Reference]
@@ -58,7 +57,7 @@ def noise_of(
     Parameters
     ----------
     pictures, noisy : iterable of ndarray, shape (H, W, 3)
-        The same views from a bake and from its `NoisyBake`.
+        The same views from a bake and from its `noisy_maps`.
     references : iterable of Reference
         What the noise is relative to.
     """

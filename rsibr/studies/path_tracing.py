@@ -14,7 +14,7 @@ from rsibr import backend
 from rsibr.studies.results import ErrorRecord, PathTracingRecord, Timing
 from rsibr.validation.flip import Exposures
 from rsibr.validation.metrics import MapError, compare
-from rsibr.validation.reference import LANES_PER_LAUNCH, Reference, ReferenceRenderer, stratified
+from rsibr.validation.reference import Reference, ReferenceRenderer, stratified
 
 _RIVAL_BRANCH = 0x7269_7661
 """Branch of the seed tree (the letters "riva"): no random number is shared with the references or with a bake."""
@@ -25,7 +25,7 @@ class PathTracer(ReferenceRenderer):
 
     def launches(self, samples: int, pass_samples: int | None = None) -> tuple[int, int]:
         """Launches of a picture, and samples of each, rounded up to strata of a nearly square grid; see `picture`."""
-        most = min(pass_samples or samples, max(1, LANES_PER_LAUNCH // self.resolution**2))
+        most = min(pass_samples or samples, max(1, self.max_lanes // self.resolution**2))
         launches = -(-samples // most)
         return launches, stratified(most if pass_samples else -(-samples // launches))
 

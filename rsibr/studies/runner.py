@@ -13,6 +13,8 @@ from typing import Any
 
 import rsibr
 from rsibr import backend
+from rsibr.progress import Progress
+from rsibr.studies.agenda import Agenda, agenda_of
 from rsibr.studies.analysis import SceneAnalysis, analyse
 from rsibr.studies.bench import Bench
 from rsibr.studies.config import StudyConfig, load_study, parse_study
@@ -20,30 +22,13 @@ from rsibr.studies.document import JudgeRecord, MachineRecord, StudyDocument
 from rsibr.studies.doubling import doubling_of
 from rsibr.studies.forecast import Rates, Step, steps_of
 from rsibr.studies.journal import Journal, lock_study
-from rsibr.studies.plan import Plan, plan_of
+from rsibr.studies.judged_scene import JudgedScene
 from rsibr.studies.report import write_study
 from rsibr.studies.results import PointRecord, SceneRecord
 from rsibr.studies.scene import judged_views, load_scenes
 from rsibr.studies.truth import TruthStore
 
 BAKES_NAME, REFERENCES_NAME, JOURNAL_NAME = "bakes", "references", "journal"
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a study has come.
-
-    Attributes
-    ----------
-    done, total : float
-        Expected seconds of the steps that are done, and of all of this run; known before the first step.
-    step : str
-        What is at work.
-    """
-
-    done: float
-    total: float
-    step: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,17 +99,17 @@ def study(
         If the machine has no usable backend, or the disk is full.
     """
     settings = _settings(config)
-    plan = plan_of(settings)
+    agenda = agenda_of(settings)
     variant = backend.use()
     folder = Path(out)
     with lock_study(folder):
         start = time.perf_counter()
-        benches = _benches(settings, plan, folder)
+        benches = _benches(settings, agenda, folder)
         rates = Rates(benches[0].scene)
-        todo = [(bench, list(steps_of(bench, plan, settings.path_tracing, rates))) for bench in benches]
+        todo = [(bench, list(steps_of(bench, agenda, settings.path_tracing, rates))) for bench in benches]
         expected = sum(step.seconds for _, steps in todo for step in steps)
         _run(todo, expected, on_progress)
-        scenes = [_scene_record(bench, plan, settings) for bench in benches]
+        scenes = [_scene_record(bench, agenda, settings) for bench in benches]
         document = StudyDocument(
             schema=1,
             name=settings.name,
@@ -146,12 +131,12 @@ def _settings(config: StudyConfig | Mapping[str, Any] | Path | str) -> StudyConf
     return parse_study(config) if isinstance(config, Mapping) else load_study(Path(config))
 
 
-def _benches(settings: StudyConfig, plan: Plan, folder: Path) -> list[Bench]:
-    resolution = settings.judge.resolution or max(size.resolution for size in plan)
+def _benches(settings: StudyConfig, agenda: Agenda, folder: Path) -> list[Bench]:
+    resolution = settings.judge.resolution or max(size.resolution for size in agenda)
     frames, journal = judged_views(settings), Journal(folder / JOURNAL_NAME)
     store = TruthStore(folder / REFERENCES_NAME, journal)
     return [
-        Bench(scene, frames, settings.judge, journal, store, folder / BAKES_NAME)
+        Bench(JudgedScene(scene, frames, settings.judge, store), journal, folder / BAKES_NAME)
         for scene in load_scenes(settings, resolution)
     ]
 
@@ -167,8 +152,8 @@ def _run(todo: list[tuple[Bench, list[Step]]], total: float, on_progress: Callab
     on_progress(Progress(total, total, "done"))
 
 
-def _scene_record(bench: Bench, plan: Plan, settings: StudyConfig) -> SceneRecord:
-    known = [bench.known_point(size, variant) for size, variants in plan.items() for variant in variants]
+def _scene_record(bench: Bench, agenda: Agenda, settings: StudyConfig) -> SceneRecord:
+    known = [bench.known_point(size, variant) for size, variants in agenda.items() for variant in variants]
     samples = sorted(settings.path_tracing.samples)
     rivals, progressive = (
         bench.known_path_tracing(samples, each) or [] for each in (None, settings.path_tracing.pass_samples)
@@ -176,7 +161,7 @@ def _scene_record(bench: Bench, plan: Plan, settings: StudyConfig) -> SceneRecor
     return SceneRecord(
         material=bench.scene.material_name,
         environment=bench.scene.environment_name,
-        reference=bench.reference_record(),
+        reference=bench.judged.record(),
         path_tracing=rivals,
         progressive=progressive,
         points=[record for record in known if record is not None],
@@ -185,7 +170,7 @@ def _scene_record(bench: Bench, plan: Plan, settings: StudyConfig) -> SceneRecor
 
 def _judge_record(settings: StudyConfig, bench: Bench) -> JudgeRecord:
     return JudgeRecord(
-        views=[(float(x), float(y), float(z)) for x, y, z in (frame[:, 2] for frame in bench.frames)],
+        views=[(float(x), float(y), float(z)) for x, y, z in (frame[:, 2] for frame in bench.judged.frames)],
         resolution=bench.scene.resolution,
         reference_samples=settings.judge.samples,
         repeats=settings.judge.repeats,

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 import rsibr
 from rsibr.backend import Rendering
-from rsibr.geometry.frame import unit_view, view_frame
+from rsibr.baking.scene import Scene
+from rsibr.geometry.frame import view_frame
+from rsibr.geometry.novel_views import novel_views
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.planning.colour import ColourEffects
 from rsibr.scene.config import Config
-from rsibr.scene.environment import Environment, load_environment
-from rsibr.scene.material import Material, load_material
+from rsibr.scene.environment import Environment
+from rsibr.scene.material import Material
 from rsibr.scene.views import load_viewpoints
 from rsibr.store.atomic import file_checksum
 from rsibr.studies.config import StudyConfig
@@ -30,27 +32,38 @@ _VIEW_BRANCH = 0x7374_7564
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
-    """A material under an environment.
+class StudyScene:
+    """A material under an environment, as a study names and judges it.
 
     Attributes
     ----------
-    config : Config
-        As the base config has it, with this material and environment.
-    environment, material
-        Loaded and checked.
-    name, material_name, environment_name : str
+    prepared : Scene
+        Of the base config, with this material and environment.
+    material_name, environment_name : str
         Unique within the study.
     resolution : int
         Texels a side of the judged pictures.
     """
 
-    config: Config
-    environment: Environment
-    material: Material
+    prepared: Scene
     material_name: str
     environment_name: str
     resolution: int
+
+    @property
+    def config(self) -> Config:
+        """As the base config has it, with this material and environment."""
+        return self.prepared.config
+
+    @property
+    def environment(self) -> Environment:
+        """Loaded and checked."""
+        return self.prepared.environment
+
+    @property
+    def material(self) -> Material:
+        """Loaded and checked."""
+        return self.prepared.material
 
     @property
     def name(self) -> str:
@@ -93,21 +106,14 @@ class Scene:
         return {**self.content, "resolution": self.resolution}
 
 
-def load_scenes(study: StudyConfig, resolution: int) -> list[Scene]:
-    """Load every scene of a study, and give each a name of its own."""
-    loaded = [(config, load_environment(config.environment), load_material(config.material)) for config in study.scenes]
-    materials = _names({f"{m.digest} {m.warp}": _with_warp(m.name, c.material.warp) for c, _, m in loaded})
-    environments = _names({environment.digest: environment.name for _, environment, _ in loaded})
+def load_scenes(study: StudyConfig, resolution: int) -> list[StudyScene]:
+    """Prepare every scene of a study, and give each a name of its own."""
+    prepared = [Scene.prepare(config) for config in study.scenes]
+    materials = _names({_of_material(scene): _with_warp(scene) for scene in prepared})
+    environments = _names({scene.environment.digest: scene.environment.name for scene in prepared})
     return [
-        Scene(
-            config,
-            environment,
-            material,
-            materials[f"{material.digest} {material.warp}"],
-            environments[environment.digest],
-            resolution,
-        )
-        for config, environment, material in loaded
+        StudyScene(scene, materials[_of_material(scene)], environments[scene.environment.digest], resolution)
+        for scene in prepared
     ]
 
 
@@ -118,18 +124,19 @@ def judged_views(study: StudyConfig) -> list[NDArray[np.float64]]:
     config has them): the places farthest from every stored view. Subdividing leaves a triangle around each of them,
     with the same centroid, so that they stay the worst places at every subdivision. The others are random.
     """
-    base, count = study.scenes[0], study.judge.views
+    base = study.scenes[0]
     viewpoints = icosphere(0) if base.views.file is None else load_viewpoints(base.views)
-    generator = np.random.default_rng(np.random.SeedSequence(base.sampling.seed, spawn_key=(_VIEW_BRANCH,)))
-    worst = min((count + 1) // 2, len(viewpoints.triangles))
-    chosen = viewpoints.triangles[generator.permutation(len(viewpoints.triangles))[:worst]]
-    centroids = viewpoints.directions[chosen].sum(axis=1)
-    views = [*centroids, *generator.normal(size=(count - worst, 3))]
-    return [view_frame(unit_view(view)) for view in views]
+    seeds = np.random.SeedSequence(base.sampling.seed, spawn_key=(_VIEW_BRANCH,))
+    return [view_frame(view) for _, view in novel_views(viewpoints, study.judge.views, seeds)]
 
 
-def _with_warp(name: str, warp: str) -> str:
-    """Name a material that is warped otherwise than it would be by itself."""
+def _of_material(scene: Scene) -> str:
+    return f"{scene.material.digest} {scene.material.warp}"
+
+
+def _with_warp(scene: Scene) -> str:
+    """Name a material, and its warp where that is otherwise than it would be by itself."""
+    name, warp = scene.material.name, scene.config.material.warp
     return name if warp == "auto" else f"{name} ({warp} warp)"
 
 

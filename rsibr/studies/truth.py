@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rsibr.store.atomic import checksum, file_checksum, read_bytes, write_atomic
 from rsibr.store.directory import make_folder
 from rsibr.studies.journal import Journal, name_of
-from rsibr.studies.scene import Scene
+from rsibr.studies.scene import StudyScene
 from rsibr.validation.reference import MINIMUM_BUFFERS, Reference
 
 Arrays = dict[str, NDArray[Any]]
@@ -54,12 +54,12 @@ class TruthStore:
         return self._folder / f"{name_of(key)}.npz"
 
 
-def reference_key(scene: Scene, frame: NDArray[np.float64], samples: int) -> dict[str, Any]:
+def reference_key(scene: StudyScene, frame: NDArray[np.float64], samples: int) -> dict[str, Any]:
     """What a reference depends on."""
     return {"kind": "reference", **scene.identity, "frame": frame.tolist(), "samples": samples}
 
 
-def reference_of(scene: Scene, frame: NDArray[np.float64], samples: int, store: TruthStore) -> Reference:
+def reference_of(scene: StudyScene, frame: NDArray[np.float64], samples: int, store: TruthStore) -> Reference:
     """Path-traced truth of a view, from the disk where it is there."""
 
     def make() -> tuple[Arrays, dict[str, Any]]:

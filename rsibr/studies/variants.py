@@ -11,30 +11,31 @@ from numpy.typing import NDArray
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
 from rsibr.methods.registry import registration
-from rsibr.store.bake import Bake
+from rsibr.store.described_maps import AlteredMaps
 from rsibr.store.health import LARGEST_HALF
 from rsibr.store.map_file import MapFile
+from rsibr.store.stored_maps import StoredMaps
+from rsibr.studies.agenda import Variant, own_weights
 from rsibr.studies.axes import mesh_of
-from rsibr.studies.plan import Variant, own_weights
 
 _FLOAT_BYTES = {"float32": 4, "float16": 2}
 
 
-class HalfBake(Bake):
+def half_maps(bake: StoredMaps) -> AlteredMaps:
     """A bake whose radiance is rounded to float16; what exceeds the largest half is held at it.
 
     The kernels still read float32: error and bytes are those of half floats, the time is not.
     """
 
-    def map(self, index: int) -> MapFile:
-        """See `Bake.map`."""
-        stored = super().map(index)
+    def rounded(_index: int, stored: MapFile) -> MapFile:
         return replace(stored, layers={name: _half(image) for name, image in stored.layers.items()})
 
+    return AlteredMaps.of(bake, rounded)
 
-def opened_at(bake: Bake, precision: str) -> Bake:
+
+def opened_at(bake: StoredMaps, precision: str) -> StoredMaps:
     """Return the bake with its maps at a precision, "float32" or "float16"."""
-    return HalfBake(bake.path, bake.manifest) if precision == "float16" else bake
+    return half_maps(bake) if precision == "float16" else bake
 
 
 def variant_of(methods: MethodSet, variant: Variant) -> Method:
@@ -47,7 +48,7 @@ def variant_of(methods: MethodSet, variant: Variant) -> Method:
     return methods.variant(variant.method, **options) if options else methods[variant.method]
 
 
-def bytes_read(bake: Bake, method: str, precision: str) -> int:
+def bytes_read(bake: StoredMaps, method: str, precision: str) -> int:
     """Size of what a method reads [bytes], in memory: three channels a texel of each map, and the light if it does."""
     needs, texels = registration(method).needs, bake.view_count * bake.resolution**2
     maps = 3 * _FLOAT_BYTES[precision] * texels

@@ -10,11 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
-from rsibr.backend import Rendering
 from rsibr.baking.integrator import SphereIntegrator
-from rsibr.lobes.split import LobeSplit
-from rsibr.scene.environment import Environment
-from rsibr.scene.material import Material
 
 _LOBE_BRANCH = 0x6C6F_6265
 """Branch of the seed tree (the letters "lobe"): the references share no samples with the bake."""
@@ -25,34 +21,16 @@ class LobeReference:
 
     Parameters
     ----------
-    environment, material
-        The scene.
-    resolution : int
-        Texels a side.
-    split : LobeSplit
-        How the material is split into lobes.
-    rendering : Rendering
-        What a sample carries: as the bake.
+    integrator : SphereIntegrator
+        Of the scene: all lobes kept apart, nothing left out or clamped; see `rsibr.baking.parts.SceneParts.integrator`.
     samples, buffers : int
         Samples a texel in all, at least, and in how many buffers.
     seed : int
         Root of the seed tree.
     """
 
-    def __init__(
-        self,
-        environment: Environment,
-        material: Material,
-        resolution: int,
-        split: LobeSplit,
-        rendering: Rendering,
-        *,
-        samples: int,
-        buffers: int,
-        seed: int,
-    ) -> None:
-        with backend.rendering(rendering):
-            self._integrator = SphereIntegrator(environment.emitter(), material.bsdf(), resolution, split)
+    def __init__(self, integrator: SphereIntegrator, *, samples: int, buffers: int, seed: int) -> None:
+        self._integrator = integrator
         self._each, self._buffers, self._seed = -(-samples // buffers), buffers, seed
 
     @property

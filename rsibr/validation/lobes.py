@@ -9,14 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.baking.scene import Scene
 from rsibr.errors import BakeError, InputError
-from rsibr.lobes.split import LobeSplit
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
 from rsibr.methods.reconstruction import run
 from rsibr.methods.registry import default_method, judged_by_lobe
-from rsibr.scene.environment import Environment
-from rsibr.scene.material import Material
 from rsibr.store.bake import Bake
 from rsibr.store.noise import COVERED, denominator
 from rsibr.validation.estimate import Estimate, jackknife, mean_estimate
@@ -105,7 +103,7 @@ class LobeJudge:
     ----------
     bake : Bake
         With its lobes kept apart.
-    environment, material
+    scene : Scene
         What it was made from.
     methods : MethodSet
         Of the bake.
@@ -121,13 +119,12 @@ class LobeJudge:
     def __init__(
         self,
         bake: Bake,
-        environment: Environment,
-        material: Material,
+        scene: Scene,
         methods: MethodSet,
         samples: int,
         buffers: int,
     ) -> None:
-        split = LobeSplit.of(material.bsdf())
+        split = scene.parts.split
         stored = [record.name for record in bake.manifest.lobes]
         if {*stored, *_left_out(bake)} != set(split.names):
             raise BakeError(
@@ -135,10 +132,8 @@ class LobeJudge:
                 where=str(bake.path),
                 fix="bake it again, or leave the lobes out (--no-lobes)",
             )
-        self._reference = LobeReference(
-            environment, material, bake.resolution, split, bake.rendering,
-            samples=samples, buffers=buffers, seed=int(bake.config["sampling"]["seed"]),
-        )  # fmt: skip
+        integrator = scene.parts.integrator(bake.resolution, bake.rendering)
+        self._reference = LobeReference(integrator, samples=samples, buffers=buffers, seed=scene.config.sampling.seed)
         self._parts = {
             name: methods.variant(default_method(), lobe=name) if name in stored else None for name in split.names
         }

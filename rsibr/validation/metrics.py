@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rsibr.errors import CheckFailed
 from rsibr.store.noise import COVERED, denominator
-from rsibr.validation.estimate import Estimate, jackknife
+from rsibr.validation.estimate import Estimate, jackknife, mean_estimate
 from rsibr.validation.flip import Exposures, flip_map
 from rsibr.validation.reference import Reference
 
@@ -131,6 +131,34 @@ def compare(
         relative_error=_spread_out(np.sqrt(squared.mean(axis=1)), judged),
         flip_map=perceived,
     )
+
+
+def relative_mse_of_samples(samples: Array, buffers: Array) -> Estimate:
+    """Debiased relMSE of the mean of independent samples.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (S, T, 3)
+        Independent samples of each texel, S ≥ 3.
+    buffers : ndarray, shape (K, T, 3)
+        Independent buffers of the reference, K ≥ 3.
+
+    Returns
+    -------
+    Estimate
+        Mean over texels and channels of ((ā − R̄)² − s_a²/S − s²/K) / (R̄² + ε): the scatter of the samples is taken out
+        as the noise of the reference is. The standard error is that of both, from leaving each out in turn.
+    """
+
+    def value(a: _Moments, b: _Moments) -> float:
+        return float((((a.mean - b.mean) ** 2 - a.variance - b.variance) / denominator(b.mean)).mean())
+
+    a, b = _Moments.of(samples), _Moments.of(buffers)
+    whole = value(a, b)
+    over_buffers = jackknife(whole, np.array([value(a, rest) for rest in _Moments.leaving_out_each(buffers)]))
+    over_samples = jackknife(whole, np.array([value(rest, b) for rest in _Moments.leaving_out_each(samples)]))
+    both = mean_estimate([over_buffers, over_samples])  # of degrees of freedom and twice the standard error
+    return Estimate(over_buffers.value, 2 * both.standard_error, both.degrees_of_freedom)
 
 
 def noise_floor(reference: Reference) -> float:

@@ -101,11 +101,19 @@ class ReferenceRenderer:
         Texels a side.
     rendering : {"rgb", "spectral", "spectral_polarized"}
         What Mitsuba carries along its paths. Its film turns spectra into linear RGB by itself.
+    max_lanes : int
+        Samples of one kernel launch at most.
     """
 
     def __init__(
-        self, environment: Emitting, material: Reflecting, resolution: int, rendering: Rendering = "rgb"
+        self,
+        environment: Emitting,
+        material: Reflecting,
+        resolution: int,
+        rendering: Rendering = "rgb",
+        max_lanes: int = LANES_PER_LAUNCH,
     ) -> None:
+        self.max_lanes = max_lanes
         self.resolution = resolution
         self.rendering = rendering
         with backend.rendering(rendering):
@@ -137,7 +145,7 @@ class ReferenceRenderer:
         InputError
             If there are fewer than 8 buffers, or fewer samples than buffers.
         """
-        passes, spp = _passes(samples, buffers, self.resolution)
+        passes, spp = _passes(samples, buffers, self.resolution, self.max_lanes)
         frame = np.asarray(frame, dtype=np.float64)
         seeds = _seeds(seed, frame, buffers * passes).reshape(buffers, passes)
         with backend.rendering(self.rendering):
@@ -242,7 +250,7 @@ def _camera_to_world(frame: NDArray[np.float64]) -> NDArray[np.float32]:
     return matrix.astype(np.float32)
 
 
-def _passes(samples: int, buffers: int, resolution: int) -> tuple[int, int]:
+def _passes(samples: int, buffers: int, resolution: int, max_lanes: int) -> tuple[int, int]:
     """Share samples out: passes of a buffer, and samples of a pass as a product that `multijitter` need not round."""
     if buffers < MINIMUM_BUFFERS:
         raise InputError(f"{buffers} buffers are too few to tell noise from error", fix="ask for 8 or more")
@@ -253,7 +261,7 @@ def _passes(samples: int, buffers: int, resolution: int) -> tuple[int, int]:
             fix=f"ask for {buffers} or more",
         )
     wanted = math.ceil(samples / buffers)
-    passes = math.ceil(wanted * resolution**2 / LANES_PER_LAUNCH)
+    passes = math.ceil(wanted * resolution**2 / max_lanes)
     return passes, stratified(math.ceil(wanted / passes))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from statistics import median
 
@@ -11,15 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr import backend
+from rsibr.baking.scene import Scene
 from rsibr.errors import BakeError, CheckFailed, InputError
 from rsibr.geometry.frame import unit_view, view_frame
+from rsibr.geometry.novel_views import novel_views as drawn_views
+from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
 from rsibr.methods.reconstruction import Reconstruction, run
 from rsibr.methods.registry import available, method_names, registration
-from rsibr.scene.config import Config
-from rsibr.scene.environment import Environment, load_environment
-from rsibr.scene.material import Material, load_material
+from rsibr.scene.environment import Environment
 from rsibr.store.bake import Bake, open_bake
 from rsibr.validation.flip import exposures_for
 from rsibr.validation.health.health import Health, assess
@@ -52,6 +54,7 @@ def validate(
     lobes: bool | None = None,
     out: Path | str | None = None,
     on_progress: Callable[[int, int], None] = lambda _done, _total: None,
+    scene: Scene | None = None,
 ) -> Validation:
     """Compare methods with path-traced references at views that were not baked.
 
@@ -75,6 +78,8 @@ def validate(
         Directory for `report.html`, `metrics.json` and the pictures.
     on_progress : callable
         Called with the views done and the views in all.
+    scene : Scene, optional
+        What the bake was made from, where it is prepared already; by default it is loaded.
 
     Returns
     -------
@@ -98,12 +103,13 @@ def validate(
         raise InputError("no method given", where="method", fix=f"there are: {', '.join(method_names())}")
     chosen = _chosen_views(opened, views)
     by_lobe = has_lobes(opened, names, lobes)
-    health = _trusted_health(opened, [view for _, view in chosen], out)
-    environment, material = _scene_of(opened)
-    renderer = ReferenceRenderer(environment, material, opened.resolution, opened.rendering)
+    load = cache(lambda: scene or Scene.prepare(opened.config))
+    health = _trusted_health(opened, [view for _, view in chosen], out, lambda: load().environment)
+    prepared = _unchanged(opened, load())
+    renderer = ReferenceRenderer(prepared.environment, prepared.material, opened.resolution, opened.rendering)
     method_set = MethodSet(opened)
     of_lobes = max(samples // LOBE_SAMPLES, buffers)
-    judge = LobeJudge(opened, environment, material, method_set, of_lobes, buffers) if by_lobe else None
+    judge = LobeJudge(opened, prepared, method_set, of_lobes, buffers) if by_lobe else None
     exposures = exposures_for(_mean_radiance(opened))
     results = []
     for done, (label, view) in enumerate(chosen):
@@ -138,13 +144,8 @@ def novel_views(bake: Bake, count: int) -> list[tuple[str, NDArray[np.float64]]]
     list of (str, ndarray of shape (3,))
         Why each view was taken, and its unit direction.
     """
-    generator = np.random.default_rng(np.random.SeedSequence(_seed(bake), spawn_key=(_VIEW_BRANCH,)))
-    worst = min((count + 1) // 2, len(bake.triangles))
-    triangles = generator.permutation(len(bake.triangles))[:worst]
-    centroids = [bake.directions[bake.triangles[triangle]].sum(axis=0) for triangle in triangles]
-    random = list(generator.normal(size=(count - worst, 3)))
-    labels = ["triangle centroid"] * len(centroids) + ["random"] * len(random)
-    return [(label, unit_view(view)) for label, view in zip(labels, [*centroids, *random], strict=True)]
+    seeds = np.random.SeedSequence(_seed(bake), spawn_key=(_VIEW_BRANCH,))
+    return drawn_views(Viewpoints(bake.directions, bake.triangles), count, seeds)
 
 
 def timed(method: Method, frame: NDArray[np.float64], resolution: int) -> Reconstruction:
@@ -164,9 +165,11 @@ def _chosen_views(bake: Bake, views: int | Sequence[ArrayLike]) -> list[tuple[st
     return novel_views(bake, views)
 
 
-def _trusted_health(bake: Bake, views: list[NDArray[np.float64]], out: Path | str | None) -> Health:
+def _trusted_health(
+    bake: Bake, views: list[NDArray[np.float64]], out: Path | str | None, environment: Callable[[], Environment]
+) -> Health:
     """Look at the bake itself before hours of rendering; a map with NaN or holes cannot be judged."""
-    health = assess(bake, views)
+    health = assess(bake, views, environment)
     if health.trusted:
         return health
     if out is not None:
@@ -177,16 +180,14 @@ def _trusted_health(bake: Bake, views: list[NDArray[np.float64]], out: Path | st
     raise CheckFailed(f"cannot be judged: {found}", where=str(bake.path), fix=f"see where: `rsibr check {bake.path}`")
 
 
-def _scene_of(bake: Bake) -> tuple[Environment, Material]:
-    """Load what the bake was made from, and make sure that it still is."""
-    config = Config.model_validate(bake.config)
-    environment, material = load_environment(config.environment), load_material(config.material)
-    for kind, digest in (("environment", environment.digest), ("material", material.digest)):
+def _unchanged(bake: Bake, scene: Scene) -> Scene:
+    """Return the scene where it is still what the bake was made from."""
+    for kind, digest in scene.digests.items():
         if bake.manifest.identity[kind]["content"] != digest:
             raise BakeError(
                 f"the {kind} has changed since the bake", where=str(bake.path), fix="bake anew with --fresh"
             )
-    return environment, material
+    return scene
 
 
 def _mean_radiance(bake: Bake) -> float:

@@ -71,10 +71,11 @@ def test_second_run_bakes_nothing(config, tmp_path):
 def test_progress_reaches_the_end_and_never_goes_back(config, tmp_path):
     seen = []
     bake(config, out=tmp_path / "b.rsibr", on_progress=seen.append)
-    steps = [p.views_done * p.blocks + p.blocks_done for p in seen]
-    assert steps == sorted(steps)
-    assert steps[-1] == 12 * seen[0].blocks
-    assert {p.views for p in seen} == {12}
+    done = [progress.done for progress in seen]
+    assert done == sorted(done)
+    assert done[-1] == 12
+    assert {progress.total for progress in seen} == {12}
+    assert list(dict.fromkeys(progress.step for progress in seen)) == [*(f"view {n}" for n in range(1, 13)), "done"]
 
 
 def test_changed_config_is_refused_with_the_difference(config, tmp_path):

@@ -158,10 +158,8 @@ def test_samples_are_spread_evenly_within_a_block(gradient_sky):
 
 
 def test_launches_of_a_block_are_split_to_bound_the_memory(monkeypatch):
-    from rsibr.baking import integrator as module
-
-    integrator = SphereIntegrator(FURNACE, mi.load_dict({"type": "conductor", "material": "none"}), 16)
-    monkeypatch.setattr(module, "MAX_LANES", 1000)
+    mirror = mi.load_dict({"type": "conductor", "material": "none"})
+    integrator = SphereIntegrator(FURNACE, mirror, 16, max_lanes=1000)
     launched = []
     launch = integrator._launch
     monkeypatch.setattr(integrator, "_launch", lambda m, t, n, s: launched.append(n) or launch(m, t, n, s))

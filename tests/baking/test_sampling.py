@@ -1,6 +1,8 @@
 """Adaptive samples and promises: unbiased, with the right variance, decided once, kept when resumed."""
 
 import time
+from dataclasses import replace
+from functools import partial
 
 import drjit as dr
 import mitsuba as mi
@@ -9,11 +11,11 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from rsibr.baking import sampling as module
-from rsibr.baking.baker import bake, bake_view
+from rsibr.baking.baker import bake as bake_config
+from rsibr.baking.baker import bake_view
 from rsibr.baking.blocks import MAX_BLOCKS, Blocks, block_sizes
 from rsibr.baking.integrator import SphereIntegrator
-from rsibr.baking.sampling import Sampler
+from rsibr.baking.sampling import Sampler, Steering
 from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
 from rsibr.scene.config import SamplingConfig
@@ -38,12 +40,10 @@ seed = 7
 """
 
 
-@pytest.fixture(autouse=True)
-def _always_worth_it(monkeypatch):
-    """Allocate samples in bakes that are too small for it to pay."""
-    monkeypatch.setattr(module, "LEAST_WORK", 0)
-    monkeypatch.setattr(module, "WORTH_IT", 1.0)
-    monkeypatch.setattr(module, "FEW_BLOCKS", module.MAX_BLOCKS)
+ALWAYS = Steering(worth_it=1.0, least_work=0, few_blocks=MAX_BLOCKS)
+"""Allocates samples in bakes that are too small for it to pay."""
+
+bake = partial(bake_config, steering=ALWAYS)
 
 
 @pytest.fixture
@@ -61,7 +61,7 @@ def integrator():
 
 def adaptive(integrator, frame, seed):
     """Bake one view by a sampler of its own; its map, and the blocks of its texels."""
-    sampler = Sampler(integrator, [frame], SamplingConfig(samples=64, seed=seed))
+    sampler = Sampler(integrator, [frame], SamplingConfig(samples=64, seed=seed), ALWAYS)
     blocks = sampler.blocks(sampler.choose(time.perf_counter()), 0)
     return bake_view(integrator, frame, blocks, seed=seed, index=0), blocks
 
@@ -69,10 +69,7 @@ def adaptive(integrator, frame, seed):
 @pytest.fixture(scope="module")
 def runs(integrator):
     """Many adaptive bakes of a view: mean radiance, variances, and block counts of the covered texels."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "LEAST_WORK", 0)
-        patch.setattr(module, "WORTH_IT", 1.0)
-        made = [adaptive(integrator, view_frame([1, 2, 3]), seed) for seed in range(RUNS)]
+    made = [adaptive(integrator, view_frame([1, 2, 3]), seed) for seed in range(RUNS)]
     inside = integrator.coverage > 0
     means = np.array([stored.radiance[inside] for stored, _ in made], np.float64)
     variances = np.array([stored.variance[inside] for stored, _ in made], np.float64)
@@ -119,9 +116,7 @@ def test_equal_work_makes_less_noise(integrator, runs):
     """In the mean over the runs, by their stored variances; the gain here is some 20 %."""
     frame = view_frame([1, 2, 3])
     even = [map_noise(bake_view(integrator, frame, Blocks(8, 8), seed=seed, index=0)) for seed in range(RUNS)]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "LEAST_WORK", 0)
-        made = [map_noise(adaptive(integrator, frame, seed)[0]) for seed in range(RUNS)]
+    made = [map_noise(adaptive(integrator, frame, seed)[0]) for seed in range(RUNS)]
     assert np.mean(made) < 0.9 * np.mean(even)
     assert runs[2].mean() == pytest.approx(8, rel=0.05)
 
@@ -130,7 +125,7 @@ def test_views_with_more_noise_get_more():
     coated = mi.load_dict({"type": "principled", "roughness": 0.3, "clearcoat": 1.0})
     integrator = SphereIntegrator(sun().emitter(), coated, N)
     frames = [view_frame(view) for view in ([0, 0, 1], [0, -1, 0], [0, 1, 0], [1, 0, 0])]
-    sampler = Sampler(integrator, frames, SamplingConfig(samples=64))
+    sampler = Sampler(integrator, frames, SamplingConfig(samples=64), ALWAYS)
     record = sampler.choose(time.perf_counter())
     work = [sampler.blocks(record, index).counts.mean() for index in range(len(frames))]
     noise = [map_noise(bake_view(integrator, frame, Blocks(8, 8), seed=1, index=0)) for frame in frames]
@@ -201,8 +196,8 @@ def test_without_adaptivity_every_texel_has_as_many(config, tmp_path):
     assert (manifest.sampling.scale, manifest.sampling.gain, manifest.samples) == (None, None, 64)
 
 
-def test_where_it_is_not_worth_it_samples_are_even(config, tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "WORTH_IT", 1e9)
-    manifest = bake(config, out=tmp_path / "b.rsibr", overrides=["sampling.samples=64"]).manifest
+def test_where_it_is_not_worth_it_samples_are_even(config, tmp_path):
+    never = replace(ALWAYS, worth_it=1e9)
+    manifest = bake(config, out=tmp_path / "b.rsibr", overrides=["sampling.samples=64"], steering=never).manifest
     assert manifest.sampling.scale is None
     assert manifest.sampling.gain > 1

@@ -1,15 +1,17 @@
 """Budgets of a whole bake: what is set stays, what is chosen is recorded, what cannot be promised is refused."""
 
+import time
+
 import numpy as np
 import pytest
 
 import rsibr
-from rsibr.budget import choose as module
-from rsibr.budget.choose import choose, planned
+from rsibr.baking.scene import Scene
+from rsibr.budget.bake import planned
+from rsibr.budget.choose import LEAST_SAMPLES, choose
 from rsibr.budget.probe import ProbedScene, surrounding, upper_bound
 from rsibr.errors import BakeError, InputError
 from rsibr.geometry.viewpoints import icosphere
-from rsibr.scene.config import load_config
 
 CONFIG = """
 [environment]
@@ -29,6 +31,10 @@ def config(tmp_path, asymmetric_environment):
     path = tmp_path / "budget.toml"
     path.write_text(CONFIG.format(environment=asymmetric_environment))
     return path
+
+
+def chosen(config, overrides):
+    return choose(Scene.prepare(config, overrides), time.perf_counter())
 
 
 def map_bytes(path):
@@ -54,7 +60,7 @@ def test_resumed_it_chooses_nothing_anew_and_ends_bit_identical(config, tmp_path
     kept = map_bytes(baked.path)
     for index in (0, 7):
         (baked.path / "maps" / f"view_{index:04d}.exr").unlink()
-    monkeypatch.setattr(module, "choose", lambda _: pytest.fail("chosen anew"))
+    monkeypatch.setattr("rsibr.budget.bake.choose", lambda *_: pytest.fail("chosen anew"))
     again = rsibr.bake(config, out=baked.path, overrides=SMALL)
     assert map_bytes(again.path) == kept
     assert again.manifest.budget.chosen == baked.manifest.budget.chosen
@@ -63,7 +69,7 @@ def test_resumed_it_chooses_nothing_anew_and_ends_bit_identical(config, tmp_path
 
 
 def test_what_the_config_sets_stays(config):
-    resolved, record = choose(load_config(config, [*SMALL, "views.subdivision=1", "sampling.samples=100"]))
+    resolved, record = chosen(config, [*SMALL, "views.subdivision=1", "sampling.samples=100"])
     assert (resolved.map.resolution, resolved.views.subdivision, resolved.sampling.samples) == (24, 1, 100)
     assert resolved.sampling.seed == 3
     assert resolved.budget is None
@@ -71,11 +77,11 @@ def test_what_the_config_sets_stays(config):
 
 
 def test_seconds_choose_the_most_accurate_that_fits(config):
-    resolved, record = choose(load_config(config, [*SMALL, "budget.seconds=20"]))
+    resolved, record = chosen(config, [*SMALL, "budget.seconds=20"])
     assert record.promised_seconds == 20
     assert record.choice_seconds < 20
     assert record.chosen in record.probes
-    assert resolved.sampling.decided_later or resolved.sampling.samples >= module.LEAST_SAMPLES
+    assert resolved.sampling.decided_later or resolved.sampling.samples >= LEAST_SAMPLES
     best = min(probe.upper for probe in record.probes)
     assert record.chosen.upper <= best + 0.5 * record.forecast_error
 
@@ -83,12 +89,12 @@ def test_seconds_choose_the_most_accurate_that_fits(config):
 @pytest.mark.parametrize(("key", "said"), [("error=1e-7", "the best that can be is"), ("seconds=0.01", "are too few")])
 def test_what_cannot_be_promised_is_refused_in_one_line(config, key, said):
     with pytest.raises(InputError, match=said) as refused:
-        choose(load_config(config, [*SMALL, "views.subdivision=0", f"budget.{key}"]))
+        chosen(config, [*SMALL, "views.subdivision=0", f"budget.{key}"])
     assert "\n" not in str(refused.value)
 
 
 def test_a_plan_shows_what_would_be_chosen(config):
-    plan, _, record = planned(load_config(config, SMALL))
+    plan, _, record = planned(config, SMALL)
     assert plan.resolution == record.chosen.resolution == 24
 
 
@@ -110,13 +116,11 @@ def test_few_stored_views_keep_the_triangles_around_the_new_ones(subdivision, rn
 
 def test_a_probe_tells_bias_from_noise(config):
     """Four times the samples: a quarter of the noise or less (strata), and the same bias within its scatter."""
-    scene = ProbedScene(load_config(config, SMALL))
-    viewpoints = scene.viewpoints(scene.config.views)
-    with pytest.MonkeyPatch.context() as patch:
-        few = scene.probe(24, viewpoints)
-        patch.setattr("rsibr.budget.probe._SAMPLES", 64)
-        scene._truths.clear()
-        many = scene.probe(24, viewpoints)
+    scene = Scene.prepare(config, SMALL)
+    few, many = (
+        probed.probe(24, probed.viewpoints(scene.config.views))
+        for probed in (ProbedScene(scene), ProbedScene(scene, samples=64))
+    )
     assert many.samples == 4 * few.samples
     assert many.noise < 0.35 * few.noise
     assert abs(many.bias - few.bias) < few.noise

@@ -236,7 +236,7 @@ def test_out_of_memory_is_the_machines_lack(shell, config, tmp_path, monkeypatch
     def exhausted(*_, **__):
         raise MemoryError
 
-    monkeypatch.setattr("rsibr.budget.choose.bake", exhausted)
+    monkeypatch.setattr("rsibr.budget.bake.bake", exhausted)
     shell.refuses("bake", config, "--out", tmp_path / "x", "--json", code=3, says="out of memory")
 
 
@@ -244,7 +244,7 @@ def test_a_bug_of_ours_is_no_users_mistake(shell, config, tmp_path, monkeypatch)
     def broken(*_, **__):
         raise ZeroDivisionError
 
-    monkeypatch.setattr("rsibr.budget.choose.bake", broken)
+    monkeypatch.setattr("rsibr.budget.bake.bake", broken)
     with pytest.raises(ZeroDivisionError):
         shell("bake", config, "--out", tmp_path / "x")
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 
 from rsibr.errors import InputError
-from rsibr.scene.config import Config, load_config, parse_config
+from rsibr.scene.config import Config, config_of, load_config, parse_config
 
 MINIMAL = {"environment": {"file": "sky.exr"}, "material": {"preset": "mirror-silver"}}
 
@@ -26,8 +27,10 @@ def message(*overrides: str, **sections: object) -> str:
 def test_defaults_and_absolute_paths():
     config = parse()
     assert config.environment.file == Path("/scene/sky.exr")
-    assert (config.map.resolution, config.sampling.samples, config.sampling.seed) == (256, 1024, 0)
-    assert (config.views.subdivision, config.material.warp, config.environment.scale) == (0, "auto", 1.0)
+    assert (config.map.resolution, config.sampling.samples, config.views.subdivision) == ("auto", "auto", "auto")
+    assert (config.map.side, config.sampling.count, config.views.level) == (256, 1024, 0)
+    assert config.sampling.seed == 0
+    assert (config.material.warp, config.environment.scale) == ("auto", 1.0)
 
 
 @pytest.mark.parametrize(
@@ -148,3 +151,32 @@ def test_a_filename_that_is_no_path_is_refused(value, tmp_path):
             tmp_path,
             [f'environment.emitter={{type="envmap", filename={value}}}'],
         )
+
+
+def test_what_is_left_open_stays_open_through_json(tmp_path):
+    """`"auto"` and a number are told apart after a round trip; pydantic's record of what was set would not be."""
+    tables = {"environment": {"file": "sky.exr"}, "material": {"preset": "glossy-plastic"}}
+    given = {"map": {"resolution": 256}, "sampling": {"samples": 1024}, "views": {"subdivision": 0}}
+    for keys in ({}, given, {"sampling": {"target_error": 0.01}}, {"budget": {"error": 0.1}}):
+        config = parse_config({**tables, **keys}, tmp_path)
+        again = parse_config(json.loads(json.dumps(config.to_dict())), tmp_path / "elsewhere")
+        assert again == config
+        assert again.views.is_open == (config.views.subdivision == "auto") == ("views" not in keys)
+
+
+@pytest.mark.parametrize("key", ["map.resolution", "sampling.samples", "views.subdivision"])
+def test_a_number_may_be_auto_and_no_other_word(tmp_path, key):
+    tables = {"environment": {"file": "sky.exr"}, "material": {"preset": "glossy-plastic"}}
+    assert parse_config(tables, tmp_path, [f"{key}=auto"]) == parse_config(tables, tmp_path)
+    with pytest.raises(InputError, match=rf'{key} = "most" .*whole number.*or "auto"') as refused:
+        parse_config(tables, tmp_path, [f'{key}="most"'])
+    assert str(refused.value).count(key) == 1
+
+
+def test_whatever_takes_a_config_takes_a_path_its_tables_and_the_config_itself(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text('environment.file = "sky.exr"\nmaterial.preset = "glossy-plastic"\n')
+    config = load_config(path)
+    for given in (path, str(path), config, config.to_dict()):
+        assert config_of(given) == config
+        assert config_of(given, ["map.resolution=32"]).map.resolution == 32

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from rsibr.errors import InputError
-from rsibr.scene import trial
+from rsibr.scene import trial, trial_child
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
@@ -50,15 +50,14 @@ def test_an_emitter_that_kills_its_process_is_named(monkeypatch):
 
 def test_a_plugin_that_hangs_is_given_up(monkeypatch):
     _child(monkeypatch, "import time; time.sleep(60)")
-    monkeypatch.setattr(trial, "TIMEOUT", 0.2)
     with pytest.raises(InputError, match="did not load it within"):
-        load_material(MaterialConfig(bsdf={"type": "diffuse"}))
+        trial.require_survival(MaterialConfig(bsdf={"type": "diffuse"}), "material.bsdf", timeout=0.2)
 
 
 def test_what_survived_is_not_tried_again(monkeypatch):
     tried = []
 
-    def count(document, _where):
+    def count(document, *_):
         tried.append(document)
         return 0
 
@@ -76,6 +75,6 @@ def test_a_trial_loads_samples_and_leaves_complaints_to_mitsuba():
 
 
 def test_the_loader_that_is_tried_is_the_one_in_use():
-    trial.try_section({"material": {"bsdf": {"type": "diffuse"}}})
+    trial_child.try_section({"material": {"bsdf": {"type": "diffuse"}}})
     with pytest.raises(InputError, match="no emitter at infinity"):
-        trial.try_section({"environment": {"emitter": {"type": "point"}}})
+        trial_child.try_section({"environment": {"emitter": {"type": "point"}}})

@@ -15,8 +15,8 @@ from rsibr.methods.warp_blend.lobe_warp import LobeWarpMethod
 from rsibr.store.layers import layered, layers_at
 from rsibr.store.manifest import LobeRecord, Manifest
 from rsibr.store.map_file import MapFile
-from rsibr.studies.noise import NoisyBake
-from rsibr.studies.variants import HalfBake
+from rsibr.studies.noise import noisy_maps
+from rsibr.studies.variants import half_maps
 from rsibr.validation.health.health import assess
 from rsibr.validation.validation import validate
 
@@ -227,6 +227,5 @@ def test_a_bake_with_a_rest_is_healthy_judged_and_studied_like_any(bakes, lobes)
         assert finding.texels == health["on"].findings[kind].texels
     found = validate(bakes["auto"], views=[FRAMES[0][:, 2]], methods=["rsibr"], samples=64)
     assert list(found.lobe_summary) == lobes
-    for opened in (HalfBake, NoisyBake):
-        baked = opened(bakes["auto"].path, bakes["auto"].manifest)
-        assert np.isfinite(image(LobeWarpMethod.of(MethodSet(baked).inputs))).all()
+    for altered in (half_maps(bakes["auto"]), noisy_maps(bakes["auto"], seed=0)):
+        assert np.isfinite(image(LobeWarpMethod.of(MethodSet(altered).inputs))).all()

@@ -210,7 +210,7 @@ def test_a_bake_that_goes_on_makes_no_second_light(config, tmp_path, monkeypatch
             bake(config, out=tmp_path / "b.rsibr")
     with pytest.raises(BakeError, match=r"0 of \d+ views"):
         open_bake(tmp_path / "b.rsibr")
-    monkeypatch.setattr(baker, "planned_light", dying)
+    monkeypatch.setattr("rsibr.baking.parts.light_of", dying)
     resumed = content(bake(config, out=tmp_path / "b.rsibr").path)
     assert {k: v for k, v in resumed.items() if k != "manifest.json"} == {
         k: v for k, v in whole.items() if k != "manifest.json"

@@ -9,9 +9,9 @@ import pytest
 
 from rsibr.errors import InputError
 from rsibr.resources import configs
+from rsibr.studies.agenda import BakeSize, Variant, agenda_of
 from rsibr.studies.axes import mesh_of
 from rsibr.studies.config import load_study, parse_study
-from rsibr.studies.plan import BakeSize, Variant, plan_of
 
 BASE: dict[str, Any] = {
     "environment": {"emitter": {"type": "constant"}},
@@ -89,11 +89,13 @@ def test_the_small_study_that_ships_is_whole():
     settings = load_study(configs() / "study_small.toml")
     assert len(settings.scenes) == 4
     assert all(config.environment.file.is_file() for config in settings.scenes)
-    assert {size.subdivision for size in plan_of(settings)} == {0, 1}
+    assert {size.subdivision for size in agenda_of(settings)} == {0, 1}
 
 
 def test_a_plan_holds_every_bake_and_every_picture_once():
-    plan = plan_of(study({"samples": [4, 16]}, {"samples": [16], "method": ["rsibr", "blend"], "subdivision": [0, 1]}))
+    plan = agenda_of(
+        study({"samples": [4, 16]}, {"samples": [16], "method": ["rsibr", "blend"], "subdivision": [0, 1]})
+    )
     own = [Variant("cabral1999", "texel", "area", "float32"), Variant("rsibr", "texel", "gnomonic", "float32")]
     blend = Variant("blend", "texel", "area", "float32")
     assert plan == {
@@ -104,7 +106,7 @@ def test_a_plan_holds_every_bake_and_every_picture_once():
 
 
 def test_what_means_nothing_is_left_out_of_a_plan():
-    (variants,) = plan_of(
+    (variants,) = agenda_of(
         study({"method": ["nearest", "cabral1999", "rsibr"], "warp": ["texel", "mesh-4x12"], "weights": ["gnomonic"]})
     ).values()
     assert [str(variant) for variant in variants] == [
@@ -115,7 +117,7 @@ def test_what_means_nothing_is_left_out_of_a_plan():
 
 
 def test_the_mesh_method_is_the_papers_method_through_its_mesh():
-    (variants,) = plan_of(
+    (variants,) = agenda_of(
         study({"method": ["cabral1999-mesh", "cabral1999"], "warp": ["texel", "mesh-16x48"]})
     ).values()
     assert [str(variant) for variant in variants] == ["cabral1999, mesh-16x48", "cabral1999"]
@@ -131,11 +133,11 @@ def test_the_mesh_method_is_the_papers_method_through_its_mesh():
 )
 def test_a_plan_that_cannot_be_is_refused(sweep, base, says):
     with pytest.raises(InputError, match=says):
-        plan_of(parse_study({"base": {**BASE, **base}, "sweep": [sweep]}))
+        agenda_of(parse_study({"base": {**BASE, **base}, "sweep": [sweep]}))
 
 
 def test_views_of_ones_own_have_no_subdivision():
-    plan = plan_of(parse_study({"base": {**BASE, "views": {"file": "views.json"}}, "sweep": [{}]}))
+    plan = agenda_of(parse_study({"base": {**BASE, "views": {"file": "views.json"}}, "sweep": [{}]}))
     assert list(plan) == [BakeSize(8, 32, None)]
 
 

@@ -12,7 +12,7 @@ from rsibr.geometry.frame import view_frame
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
 from rsibr.scene.config import parse_config
-from rsibr.studies.noise import NoisyBake, noise_of, relative_square, without
+from rsibr.studies.noise import noise_of, noisy_maps, relative_square, without
 from rsibr.validation.report.document import EstimateModel
 from tests.validation.doubles import noisy_reference
 
@@ -45,20 +45,18 @@ def test_the_predicted_noise_is_that_of_independent_bakes(bakes, method):
     references = [noisy_reference(np.maximum(mean, 1e-3), 1e-6, rng) for mean in pictures.mean(axis=0)]
     spread = pictures - pictures.mean(axis=0)
     measured = np.mean([relative_square(s, r) for one in spread for s, r in zip(one, references, strict=True)]) * 6 / 5
-    noisy = MethodSet(NoisyBake(bakes[0].path, bakes[0].manifest, seed=3))[method]
+    noisy = MethodSet(noisy_maps(bakes[0], seed=3))[method]
     predicted = noise_of(pictures[0], [run(noisy, f, RESOLUTION).image for f in FRAMES], references)
     assert predicted == pytest.approx(measured, rel=0.25)
 
 
 def test_noise_added_to_a_map_has_its_variance_and_leaves_the_rest(bakes):
     stored = bakes[0].map(0)
-    added = [
-        NoisyBake(bakes[0].path, bakes[0].manifest, seed=seed).map(0).radiance - stored.radiance for seed in range(64)
-    ]
+    added = [noisy_maps(bakes[0], seed=seed).map(0).radiance - stored.radiance for seed in range(64)]
     judged = (stored.coverage > 0.5) & (stored.variance.min(axis=-1) > 0)
     ratio = np.mean(np.square(added), axis=0)[judged] / stored.variance[judged]
     assert ratio.mean() == pytest.approx(1, abs=0.05)  # 64 draws of 1200 values: a standard error of 0.005
-    again = NoisyBake(bakes[0].path, bakes[0].manifest, seed=5).map(0)
+    again = noisy_maps(bakes[0], seed=5).map(0)
     np.testing.assert_array_equal(again.radiance - stored.radiance, added[5])
     np.testing.assert_array_equal(again.coverage, stored.coverage)
 
@@ -66,7 +64,7 @@ def test_noise_added_to_a_map_has_its_variance_and_leaves_the_rest(bakes):
 def test_a_map_without_noise_stays_as_it_is(bakes, monkeypatch):
     stored = replace(bakes[0].map(0), variance=np.zeros((RESOLUTION, RESOLUTION, 3), np.float32))
     monkeypatch.setattr("rsibr.store.bake.Bake.map", lambda self, index: stored)
-    noisy = NoisyBake(bakes[0].path, bakes[0].manifest).map(0)
+    noisy = noisy_maps(bakes[0], seed=0).map(0)
     np.testing.assert_array_equal(noisy.radiance, stored.radiance)
 
 

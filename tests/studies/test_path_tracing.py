@@ -73,8 +73,8 @@ def test_samples_are_counted_as_they_are_taken(tracer, monkeypatch):
     assert tracer.launches(128) == (1, 132)  # 11 × 12 strata
     assert tracer.launches(100, 16) == (7, 16)
     taken = []
+    tracer = PathTracer(slanted_sky(64), LAMBERT, RESOLUTION, max_lanes=50 * RESOLUTION**2)
     monkeypatch.setattr(tracer, "_film", lambda seed, spp: taken.append(spp) or np.ones((RESOLUTION, RESOLUTION, 4)))
-    monkeypatch.setattr("rsibr.studies.path_tracing.LANES_PER_LAUNCH", 50 * RESOLUTION**2)
     assert tracer.launches(128) == (3, 48)  # 43 at least
     tracer._compiled.add(48)
     tracer.picture(FRAME, 128, seeds(0))

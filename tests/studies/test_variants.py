@@ -10,7 +10,7 @@ import pytest
 from rsibr.geometry.frame import view_frame
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
-from rsibr.studies.plan import Variant
+from rsibr.studies.agenda import Variant
 from rsibr.studies.variants import bytes_read, opened_at, variant_of
 
 FRAME = view_frame((1, 2, 3))

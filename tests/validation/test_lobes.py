@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 
 from rsibr.baking.baker import bake
+from rsibr.baking.scene import Scene
 from rsibr.errors import BakeError, InputError
 from rsibr.geometry.frame import view_frame
-from rsibr.lobes.split import LobeSplit
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
 from rsibr.scene.config import Config
-from rsibr.scene.environment import load_environment
-from rsibr.scene.material import load_material
 from rsibr.validation import lobes
 from rsibr.validation.lobes import LobeJudge, has_lobes, lobe_errors
 from rsibr.validation.metrics import denominator
@@ -45,7 +43,7 @@ def baked(config, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def scene(config):
-    return load_environment(config.environment), load_material(config.material)
+    return Scene.prepare(config)
 
 
 def test_errors_are_shares_of_the_whole_and_free_of_the_references_noise(rng):
@@ -88,10 +86,10 @@ def test_a_lobe_that_is_not_there_is_no_part(baked):
 
 
 def test_lobes_are_held_against_a_reference_of_samples_of_their_own(baked, scene):
-    judge = LobeJudge(baked, *scene, MethodSet(baked), samples=256, buffers=8)
+    judge = LobeJudge(baked, scene, MethodSet(baked), samples=256, buffers=8)
     stored = baked.map(0)
     found = judge.at(np.asarray(stored.frame, dtype=np.float64))
-    assert list(found.errors) == LobeSplit.of(scene[1].bsdf()).names
+    assert list(found.errors) == scene.parts.split.names
     assert sum(error.light for error in found.errors.values()) == pytest.approx(1)
     assert (found.samples, found.buffers) == (256, 8)
     for name, error in found.errors.items():
@@ -103,7 +101,7 @@ def test_lobes_are_held_against_a_reference_of_samples_of_their_own(baked, scene
 
 @pytest.mark.parametrize("spoilt", [0, 1])
 def test_the_judge_finds_the_lobe_that_was_spoilt(baked, scene, monkeypatch, spoilt):
-    judge = LobeJudge(baked, *scene, MethodSet(baked), samples=128, buffers=8)
+    judge = LobeJudge(baked, scene, MethodSet(baked), samples=128, buffers=8)
     name = baked.manifest.lobes[spoilt].name
 
     def brighter(part, frame, resolution):
@@ -135,7 +133,7 @@ def test_lobes_of_another_version_are_refused(baked, scene):
     renamed = tuple(record.model_copy(update={"name": f"old-{record.name}"}) for record in baked.manifest.lobes)
     old = replace(baked, manifest=baked.manifest.model_copy(update={"lobes": renamed}))
     with pytest.raises(BakeError, match="Bake it again"):
-        LobeJudge(old, *scene, MethodSet(baked), samples=64, buffers=8)
+        LobeJudge(old, scene, MethodSet(baked), samples=64, buffers=8)
 
 
 def test_a_lobe_that_the_plan_left_out_is_wrong_by_all_of_it(config, tmp_path):

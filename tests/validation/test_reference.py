@@ -145,9 +145,9 @@ def test_stratified_counts_are_those_that_mitsuba_does_not_round(samples):
     assert mi.load_dict({"type": "multijitter", "sample_count": count}).sample_count() == count
 
 
-def test_many_passes_are_one_buffer(monkeypatch):
-    monkeypatch.setattr("rsibr.validation.reference.LANES_PER_LAUNCH", 16 * 16 * 4)
+def test_many_passes_are_one_buffer():
     sky = Sky({"type": "constant", "radiance": {"type": "rgb", "value": 3.0}})
-    reference = render_reference(sky, MIRROR, view_frame((0, 0, 1)), 16, samples=128)
+    renderer = ReferenceRenderer(sky, MIRROR, 16, max_lanes=16 * 16 * 4)
+    reference = renderer.render(view_frame((0, 0, 1)), samples=128)
     assert reference.samples == 128
     np.testing.assert_allclose(reference.mean[8, 8], 3.0, rtol=1e-6)

@@ -1,1 +1,1 @@
-"""Maps between directions and images: one file a projection."""
+"""Projections between directions and image points, one file each."""

@@ -1,7 +1,7 @@
-"""The octahedral map: the whole sphere of directions on one square, without poles and with a cheap inverse.
+"""Octahedral projection: the whole sphere on one square, without poles and with a cheap inverse.
 
-A direction is projected onto the octahedron |x| + |y| + |z| = 1 and the lower half of that folded outward over the
-upper one. In an image of R×R texels column i lies at x = 2(i+½)/R − 1 and row j at y = 2(j+½)/R − 1; +z is the middle.
+A direction is projected onto the octahedron |x| + |y| + |z| = 1, and its lower half is folded outward over the upper
+one. In an image of R×R texels column i lies at x = 2(i+½)/R − 1 and row j at y = 2(j+½)/R − 1; +z is the middle.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 
 def square_from_direction(d: mi.Vector3f) -> mi.Point2f:
-    """Map point of a direction.
+    """Map point of a direction, in the octahedral projection.
 
     Parameters
     ----------
@@ -27,7 +27,13 @@ def square_from_direction(d: mi.Vector3f) -> mi.Point2f:
 
     Notes
     -----
-    Praun & Hoppe (2003), section 4; without branches as in Cigolle et al. (2014), listing 1.
+    Praun & Hoppe (2003), section 4; branch-free form of Cigolle et al. (2014), listing 1.
+
+    Examples
+    --------
+    >>> p = square_from_direction(mi.Vector3f(0, 3, 0))
+    >>> p, direction_from_square(p)
+    ([[0, 1]], [[0, 1, 0]])
     """
     shrink = dr.rcp(dr.abs(d.x) + dr.abs(d.y) + dr.abs(d.z))
     x, y = d.x * shrink, d.y * shrink
@@ -37,7 +43,13 @@ def square_from_direction(d: mi.Vector3f) -> mi.Point2f:
 
 
 def direction_from_square(p: mi.Point2f) -> mi.Vector3f:
-    """Unit direction at a map point: the inverse of `square_from_direction`."""
+    """Unit direction at a map point: the inverse of `square_from_direction`.
+
+    Parameters
+    ----------
+    p : mi.Point2f
+        Points of the square [−1, 1]².
+    """
     z = 1 - dr.abs(p.x) - dr.abs(p.y)
     below = z < 0
     x = dr.select(below, dr.mulsign(1 - dr.abs(p.y), p.x), p.x)
@@ -53,7 +65,7 @@ def texel_directions(resolution: int, right: float = 0.5, down: float = 0.5) -> 
     resolution : int
         Texels a side, R.
     right, down : float
-        Where in the texel, in [0, 1]; by default its centre.
+        Position in the texel, in [0, 1]; by default its centre.
     """
     index = dr.arange(mi.UInt32, resolution * resolution)
     column, row = mi.Float(index % resolution), mi.Float(index // resolution)
@@ -66,15 +78,15 @@ def texel_solid_angles(resolution: int) -> NDArray[np.float64]:
 
     Notes
     -----
-    A face of the octahedron lies in a plane, where dω = cos/r² dA: proportional to |p|⁻³ at the point p, or to the cube
-    of the unit direction's |x| + |y| + |z|.
+    On a face of the octahedron, which is a plane, dω = cos θ/r² dA ∝ |p|⁻³ at the point p, that is, the cube of
+    |x| + |y| + |z| of the unit direction.
     """
     share = np.abs(np.array(texel_directions(resolution), dtype=np.float64)).sum(axis=0) ** 3
     return np.asarray(share * (4 * np.pi / share.sum()))
 
 
 def bordered(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Surround an image by one texel of what lies beyond its edges, where the map folds back on itself.
+    """Add a border of one texel, taken from across the edge where the projection folds back on itself.
 
     Parameters
     ----------
@@ -84,7 +96,7 @@ def bordered(image: NDArray[np.float32]) -> NDArray[np.float32]:
     Returns
     -------
     ndarray, shape (R + 2, R + 2, C)
-        With it every bilinear lookup is continuous, over the edges too.
+        With the border, bilinear lookups are continuous across the edges.
     """
     rows = np.concatenate([image[:1, ::-1], image, image[-1:, ::-1]])
     return np.ascontiguousarray(np.concatenate([rows[::-1, :1], rows, rows[::-1, -1:]], axis=1))

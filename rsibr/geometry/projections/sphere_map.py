@@ -1,4 +1,4 @@
-"""The sphere map: an orthographic picture of the unit sphere, seen from +z of its frame.
+"""Sphere map: orthographic projection of the unit sphere, seen from +z of its frame.
 
 Map coordinates are points `p = (x, y)` of the unit disk, x right and y up; texture coordinates are s = x/2 + ½ and
 t = y/2 + ½. In an image of N×N texels the centres lie at (i + ½)/N and row 0 is the top.
@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 LEAST_COVERAGE = 1e-3
-"""Texels with less of their area in the disk count as outside a stored map: points in them are slow to find."""
+"""Coverage below which a texel counts as outside a stored map: rejection sampling inside it would be slow."""
 
 TILE_WIDTH, TILE_HEIGHT = 16, 64
-"""Texels a side (at most, for the height) of the tiles in which whole maps are worked through, row by row.
+"""Size of the tiles in which whole maps are evaluated, in texels; the height is a maximum.
 
-A row is one vector of the CPU, and down a tile each of its lanes goes through a stored map in even steps, which caches
-foresee. At 512² tiles of 32×64, of 16×32 and of 16² take 1.1 to 1.2 times the time.
+A row of a tile is one vector of the CPU. Down a tile, each lane reads a stored map at an even stride, which caches
+prefetch. At 512² texels, tiles of 32×64, 16×32 and 16² take 1.1 to 1.2 times the time.
 """
 
 
@@ -28,7 +28,7 @@ def normal_from_disk(p: mi.Point2f) -> mi.Vector3f:
     Parameters
     ----------
     p : mi.Point2f
-        Points of the unit disk; points outside it are taken radially to the rim.
+        Points of the unit disk; points outside are projected radially onto the rim.
 
     Returns
     -------
@@ -40,14 +40,14 @@ def normal_from_disk(p: mi.Point2f) -> mi.Vector3f:
 
 
 def within_disk(p: mi.Point2f) -> mi.Point2f:
-    """Points outside the unit disk taken radially to its rim: beyond it a map holds nothing."""
+    """Project points outside the unit disk radially onto its rim, beyond which a map is undefined."""
     return p * dr.minimum(1, dr.rsqrt(dr.maximum(dr.squared_norm(p), 1e-30)))
 
 
 def disk_from_normal(n: mi.Vector3f) -> mi.Point2f:
     """Map point with the surface normal `n`: g_normal⁻¹.
 
-    Normals that face away (z < 0) appear in no map; they are taken to the nearest point of the rim.
+    Normals that face away (z < 0) are not in the map; they are projected onto the nearest point of the rim.
 
     Parameters
     ----------
@@ -58,13 +58,18 @@ def disk_from_normal(n: mi.Vector3f) -> mi.Point2f:
     -------
     mi.Point2f
         Points of the closed unit disk.
+
+    Examples
+    --------
+    >>> disk_from_normal(normal_from_disk(mi.Point2f(0.6, 0)))
+    [[0.6, 0]]
     """
     p = mi.Point2f(n.x, n.y)
     return dr.select(n.z >= 0, p, p * dr.rsqrt(dr.maximum(dr.squared_norm(p), 1e-30)))
 
 
 def reflection_from_disk(p: mi.Point2f) -> mi.Vector3f:
-    """Mirror direction of the view at the map point `p`: g_mirror.
+    """Mirror direction of the viewer at the map point `p`: g_mirror.
 
     Parameters
     ----------
@@ -81,7 +86,7 @@ def reflection_from_disk(p: mi.Point2f) -> mi.Vector3f:
 
 
 def disk_from_reflection(r: mi.Vector3f) -> mi.Point2f:
-    """Map point that mirrors the view into `r`: g_mirror⁻¹.
+    """Map point whose mirror direction is `r`: g_mirror⁻¹.
 
     Parameters
     ----------
@@ -91,13 +96,13 @@ def disk_from_reflection(r: mi.Vector3f) -> mi.Point2f:
     Returns
     -------
     mi.Point2f
-        Points of the closed unit disk. At the singularity r = −z the whole rim reflects into the one direction; the
-        answer is then a point of the rim, or the centre of it all where r is −z to the last bit: finite either way.
+        Points of the closed unit disk. At the singularity r = −z, into which the whole rim reflects, the result is a
+        point of the rim, or the centre of the disk if r equals −z exactly. It is always finite.
 
     Notes
     -----
-    The paper prints the half vector divided by |r + z|²; its length must be one, so the divisor is |r + z|.
-    With |r + z|² = 2(1 + r_z), 1 + r_z is taken from the lateral part where r_z < 0, which cancels nothing.
+    Cabral et al. (1999) print the half vector divided by |r + z|²; a unit vector needs the divisor |r + z|.
+    |r + z|² = 2(1 + r_z); for r_z < 0, 1 + r_z is computed as (r_x² + r_y²)/(1 − r_z), which has no cancellation.
     """
     lateral = r.x * r.x + r.y * r.y
     one_plus_z = dr.select(r.z >= 0, 1 + r.z, lateral / (1 - r.z))
@@ -131,7 +136,7 @@ def texel_centres(resolution: int) -> mi.Point2f:
 
 
 def covered_middle(p: mi.Point2f, resolution: int) -> mi.Point2f:
-    """Middle of what of a texel lies within the disk.
+    """Middle of the part of a texel inside the disk.
 
     Parameters
     ----------
@@ -143,12 +148,12 @@ def covered_middle(p: mi.Point2f, resolution: int) -> mi.Point2f:
     Returns
     -------
     mi.Point2f
-        The centre of a texel that lies within the disk. One that the rim cuts shows surfaces further in than its
-        centre: at a radius of 0.9993 in a map of 64² texels the centre is seen at a grazing 2°, the middle at 7°.
+        The centre of a texel inside the disk. In a texel cut by the rim the point moves inward: at a radius of 0.9993
+        in a map of 64² texels the view angle at the centre is 2° from grazing, at the middle 7°.
 
     Notes
     -----
-    Taken along the radius, as if a texel's sides faced the middle.
+    Computed along the radius only, as if the texel's sides were radial and tangential.
     """
     radius, half = dr.norm(p), 1 / resolution
     middle = 0.5 * (radius - half + dr.minimum(radius + half, 1))
@@ -156,7 +161,7 @@ def covered_middle(p: mi.Point2f, resolution: int) -> mi.Point2f:
 
 
 def tiled_texels(resolution: int) -> mi.UInt32:
-    """Indices of all texels of an N×N image, tile by tile.
+    """Indices of all texels of an N×N image in tile order.
 
     Parameters
     ----------
@@ -166,13 +171,13 @@ def tiled_texels(resolution: int) -> mi.UInt32:
     Returns
     -------
     mi.UInt32
-        Row-major indices in the order of tiles of `TILE_WIDTH` by at most `TILE_HEIGHT` texels. Where N is no multiple
+        Row-major indices in the order of tiles of `TILE_WIDTH` by at most `TILE_HEIGHT` texels. If N is not a multiple
         of a tile's side, the last tiles repeat texels of the last row and column.
 
     Notes
     -----
-    A warp turns: neighbours in a row of one map lie in a column of another. Tiles keep what is looked up together near
-    together in memory, whatever the angle.
+    A warp rotates: neighbours in a row of one map lie in a column of another. With tiles, memory accesses are coherent
+    at every angle.
     """
     across = -(-resolution // TILE_WIDTH)
     down = -(-resolution // TILE_HEIGHT)
@@ -185,7 +190,7 @@ def tiled_texels(resolution: int) -> mi.UInt32:
 
 
 def texel_coverage(resolution: int) -> NDArray[np.float64]:
-    """Share of each texel's area that lies inside the unit disk, exactly.
+    """Exact coverage: the share of each texel's area inside the unit disk.
 
     Parameters
     ----------
@@ -204,12 +209,12 @@ def texel_coverage(resolution: int) -> NDArray[np.float64]:
     x, y = np.abs(edges), np.abs(edges[::-1])
     farthest = np.hypot(np.maximum(x[1:], x[:-1])[None, :], np.maximum(y[1:], y[:-1])[:, None])
     share[farthest <= 1.0] = 1.0
-    share[share < 1e-9] = 0.0  # rounding of texels that touch the disk in a point, if at all
+    share[share < 1e-9] = 0.0  # rounding in texels that touch the disk at most in a point
     return share
 
 
 def stored_coverage(resolution: int) -> NDArray[np.float32]:
-    """Coverage of each texel as a stored map has it: `texel_coverage`, and 0 below `LEAST_COVERAGE`.
+    """Coverage as stored with a map: `texel_coverage`, with values below `LEAST_COVERAGE` set to 0.
 
     Parameters
     ----------
@@ -229,7 +234,7 @@ def _signed_disk_area(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray
     """Area of the unit disk inside the rectangle from the origin to (x, y), odd in each coordinate."""
     sign = np.sign(x) * np.sign(y)
     x, y = np.broadcast_arrays(np.minimum(np.abs(x), 1.0), np.minimum(np.abs(y), 1.0))
-    chord = np.minimum(np.sqrt(1.0 - y * y), x)  # up to here the rectangle's top lies inside the disk
+    chord = np.minimum(np.sqrt(1.0 - y * y), x)  # the rectangle's top edge lies inside the disk up to here
 
     def under_arc(u: NDArray[np.float64]) -> NDArray[np.float64]:
         return 0.5 * (u * np.sqrt(1.0 - u * u) + np.arcsin(u))

@@ -22,7 +22,7 @@ _REACH = 2.2  # standard deviations that the lookups reach
 _DENSITY = 2.0  # lookups to a ratio of the streak's axes
 _MOST_LOOKUPS = 24
 _OVERLAP = 0.3  # least width of a lookup over the distance to the next
-_LEAST_COSINE = 1e-3
+_LEAST_VIEW_COSINE = 1e-3  # view angle at which the shading frame is clamped
 _GRAZING = 0.02  # cosine below which a streak grows no longer
 _NARROWEST = 1e-9  # a mirror at a point has no streak at all
 
@@ -48,7 +48,7 @@ class ShadingFrame:
     @classmethod
     def of(cls, n: mi.Vector3f, v: mi.Vector3f) -> ShadingFrame:
         """Look at surfaces with normal `n` from `v`, both unit vectors."""
-        cosine = dr.clip(dr.dot(n, v), _LEAST_COSINE, 1)
+        cosine = dr.clip(dr.dot(n, v), _LEAST_VIEW_COSINE, 1)
         along = v - n * dr.dot(n, v)
         squared = dr.squared_norm(along)
         any_tangent = mi.Vector3f(mi.coordinate_system(n)[0])  # head-on every plane is one of incidence

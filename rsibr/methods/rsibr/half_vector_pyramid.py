@@ -13,6 +13,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.bilinear import BilinearCell
 from rsibr.geometry.projections.sphere_map import within_disk
 from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.methods.cosine_table import CosineTable
@@ -113,17 +114,14 @@ def lookup(texels: mi.Float, resolution: int, p: mi.Point2f) -> mi.Vector4f:
     p : mi.Point2f
         Points of the unit disk.
     """
-    half, stride = 0.5 * resolution, resolution + 2
-    column, row = dr.fma(p.x, half, half + 0.5), dr.fma(p.y, -half, half + 0.5)
-    left, top = mi.UInt32(column), mi.UInt32(row)
-    rightward, downward = column - mi.Float(left), row - mi.Float(top)
-    corner = dr.fma(top, stride, left)
+    stride, cell = resolution + 2, BilinearCell.in_sphere_map(p, 0.5 * resolution)
+    corner = cell.corner(stride)
 
     def texel(offset: int) -> mi.Vector4f:
         return dr.gather(mi.Vector4f, texels, corner + offset)
 
-    upper = dr.lerp(texel(0), texel(1), rightward)
-    return dr.lerp(upper, dr.lerp(texel(stride), texel(stride + 1), rightward), downward)
+    upper = dr.lerp(texel(0), texel(1), cell.rightward)
+    return dr.lerp(upper, dr.lerp(texel(stride), texel(stride + 1), cell.rightward), cell.downward)
 
 
 def _summed(finest: mi.Float, weights: list[CosineTable], resolution: int) -> mi.Vector4f:

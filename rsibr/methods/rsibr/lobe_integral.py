@@ -18,11 +18,13 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.refraction import emerging
 from rsibr.geometry.to_device import to_device
 from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
-from rsibr.lobes.basis import COAT_IOR, refracted, schlick, transmitted
+from rsibr.lobes.basis import COAT_IOR, under_coat
 from rsibr.lobes.gaussians import Gaussians, LobeShape
+from rsibr.lobes.microfacet import LEAST_COSINE, schlick, smith_denominator, transmitted
 from rsibr.methods.rsibr.anisotropic_footprint import AnisotropicFootprint, ShadingFrame, tap_spreads
 from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe
 from rsibr.methods.rsibr.polar_grid import PolarGrid
@@ -245,13 +247,12 @@ class LobeIntegral:
 
     def _coated(self, shading: ShadingFrame, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
         """The same for a facet under the coat; light that is reflected totally does not leave it."""
-        inner_v = refracted(shading.v)
+        inner_v = under_coat(shading.v)
         inner, factor, _ = self._reflected(inner_v, facet)
-        x, y = inner.x * COAT_IOR, inner.y * COAT_IOR
-        height = 1 - x * x - y * y
-        w = mi.Vector3f(x, y, dr.sqrt(dr.maximum(height, 1e-6)))
+        x, y, height_squared = emerging(inner.x, inner.y, COAT_IOR)
+        w = mi.Vector3f(x, y, dr.sqrt(dr.maximum(height_squared, 1e-6)))
         factor = dr.select(
-            height > 0, factor * transmitted(w.z) * transmitted(shading.cosine) * shading.cosine / inner_v.z, 0
+            height_squared > 0, factor * transmitted(w.z) * transmitted(shading.cosine) * shading.cosine / inner_v.z, 0
         )
         bent = COAT_IOR * COAT_IOR * dr.maximum(inner.z, 0) / w.z
         return w, factor, mi.Float(0), 4 * dr.maximum(dr.dot(facet, inner_v), 1e-3) * bent
@@ -259,16 +260,13 @@ class LobeIntegral:
     def _reflected(self, v: mi.Vector3f, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
         """Where a facet reflects `v` to, what share of its light is seen, and Schlick's grazing term.
 
-        f cos θ_i dω_i over the slopes: F G₂ (h·v)/(cos θ_o cos θ_h) times the density of slopes, with the
-        height-correlated G₂ of Heitz (2014), eq. 99. The factor 1/cos θ_o is left out.
+        f cos θ_i dω_i over the slopes: F G₂ (h·v)/(cos θ_o cos θ_h) times the density of slopes. The factor 1/cos θ_o
+        is left out.
         """
         toward = dr.dot(facet, v)
         w = 2 * toward * facet - v
-        squared = self.alpha * self.alpha
-        cos_i, cos_o = dr.maximum(w.z, 1e-6), v.z
-        shadow_i = cos_o * dr.sqrt(squared + (1 - squared) * cos_i * cos_i)
-        shadow_o = cos_i * dr.sqrt(squared + (1 - squared) * cos_o * cos_o)
-        shadowing = 2 * cos_i * cos_o / (shadow_i + shadow_o)
+        cos_i, cos_o = dr.maximum(w.z, LEAST_COSINE), v.z
+        shadowing = 2 * cos_i * cos_o / smith_denominator(cos_i, cos_o, self.alpha)
         factor = dr.select((toward > 0) & (w.z > 0), shadowing * toward / facet.z, 0)
         return w, factor, schlick(toward)
 

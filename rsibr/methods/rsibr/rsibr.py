@@ -9,41 +9,33 @@ import mitsuba as mi
 
 from rsibr import backend
 from rsibr.methods.inputs import MethodInputs
-from rsibr.methods.lobe_albedo import LobeAlbedo
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
 from rsibr.methods.rsibr.half_vector_lobes import HalfVectorLobes
-from rsibr.methods.rsibr.lobe_integral import LobeIntegral
 from rsibr.methods.rsibr.residual_method import ResidualMethod, ResidualOptions, residual_method
+from rsibr.methods.rsibr.rsibr_fine import RsibrFine, lobe_integrals
 from rsibr.methods.rsibr.view_nodes import ViewNodes
 
 
 @dataclass(eq=False)
-class RsibrPoints(ResidualMethod):
-    """`rsibr` for single pairs of normal and view: narrow parts of the lobes per point, wide parts from view nodes.
+class RsibrPoints(RsibrFine):
+    """`rsibr` for single pairs of normal and view: wide parts of the lobes from view nodes, narrow parts per point.
 
-    It has residuals of its own, against its own prediction: so it is exact at the stored views too.
+    Its residuals are those of `rsibr-fine`, of means over texels as the stored maps hold them.
 
     Attributes
     ----------
-    lobes : list of (LobeIntegral, ViewNodes or None, LobeAlbedo)
-        Reflection integral of each lobe, its wide part tabulated where it has one, and its directional albedo.
+    nodes : list of (ViewNodes or None)
+        Wide part of each of `lobes`, tabulated; None where it has none.
     """
 
-    lobes: list[tuple[LobeIntegral, ViewNodes | None, LobeAlbedo]] = field(default_factory=list)
+    nodes: list[ViewNodes | None] = field(default_factory=list)
 
     def _predicted_at(self, n: mi.Vector3f, v: mi.Vector3f, cosine: mi.Float) -> mi.Color3f:
         radiance = mi.Color3f(0)
-        for integral, nodes, albedo in self.lobes:
+        for (integral, albedo), nodes in zip(self.lobes, self.nodes, strict=True):
             radiance += albedo.at(cosine) * integral.radiance(n, v, nodes.lookup if nodes else None)
         return radiance
-
-    def _map_tables(self, frame: mi.Matrix3f, resolution: int) -> None:  # noqa: ARG002
-        return None
-
-    def _predicted(self, n: mi.Vector3f, frame: mi.Matrix3f, tables: None, resolution: int) -> mi.Color3f:  # noqa: ARG002
-        v = mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2])
-        return self._predicted_at(frame @ n, v, n.z)
 
 
 @dataclass(eq=False)
@@ -112,13 +104,9 @@ def rsibr(
     pyramid, light, density = inputs.pyramid, inputs.light, options.mirror_density
 
     def points() -> RsibrPoints:
-        chosen = [inputs.shapes[lobe]] if lobe else lobes
-        integrals = [(LobeIntegral.of(shape, pyramid, light, density), albedo) for shape, albedo in chosen]
-        tabulated = [
-            (integral, ViewNodes.of(integral) if integral.has_grid else None, LobeAlbedo.of(albedo))
-            for integral, albedo in integrals
-        ]
-        return residual_method(RsibrPoints, "rsibr", options, weights, lobes=tabulated)
+        integrals = lobe_integrals(options)
+        nodes = [ViewNodes.of(integral) if integral.has_grid else None for integral, _ in integrals]
+        return residual_method(RsibrPoints, "rsibr", options, weights, lobes=integrals, nodes=nodes)
 
     return residual_method(
         Rsibr,

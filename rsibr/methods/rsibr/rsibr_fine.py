@@ -66,9 +66,14 @@ def rsibr_fine(
         See `ResidualOptions`.
     """
     options = ResidualOptions(inputs, uses_maps, lobe)
-    chosen = [inputs.shapes[lobe]] if lobe else list(inputs.shapes.values())
-    lobes = [
-        (LobeIntegral.of(shape, inputs.pyramid, inputs.light, options.mirror_density), LobeAlbedo.of(albedo))
+    return residual_method(RsibrFine, "rsibr-fine", options, weights, lobes=lobe_integrals(options))
+
+
+def lobe_integrals(options: ResidualOptions) -> list[tuple[LobeIntegral, LobeAlbedo]]:
+    """Reflection integral and albedo of each lobe, or of the one that the options name."""
+    inputs, density = options.inputs, options.mirror_density
+    chosen = [inputs.shapes[options.lobe]] if options.lobe else list(inputs.shapes.values())
+    return [
+        (LobeIntegral.of(shape, inputs.pyramid, inputs.light, density), LobeAlbedo.of(albedo))
         for shape, albedo in chosen
     ]
-    return residual_method(RsibrFine, "rsibr-fine", options, weights, lobes=lobes)

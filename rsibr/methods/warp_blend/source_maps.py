@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from rsibr.errors import MachineError
+from rsibr.geometry.bilinear import BilinearCell
 from rsibr.geometry.to_device import to_device
-from rsibr.light.shared_exponent import packed, unpacked
+from rsibr.light.shared_exponent import bilinear, packed
 
 MAX_WORDS = 2**32 - 1
 """Entries that a Dr.Jit array can index."""
@@ -106,9 +107,8 @@ class SourceMaps:
 
     @classmethod
     def none(cls) -> SourceMaps:
-        """Return maps of no view: for a method that looks none up, or none yet."""
-        nothing = np.zeros((0, 3, 3))
-        return cls.from_arrays(np.zeros((0, 1, 1, 3), np.float32), np.zeros((0, 1, 1), np.float32), nothing)
+        """Return one black texel: for a method that looks no map up, or none yet. A kernel cannot hold empty arrays."""
+        return cls.from_arrays(np.zeros((1, 1, 1, 3), np.float32), np.ones((1, 1, 1), np.float32), np.eye(3)[None])
 
     def view(self, index: mi.UInt32) -> StoredView:
         """Look up the frame of the stored view `index`, one a lane."""
@@ -130,27 +130,14 @@ class SourceMaps:
         mi.Color3f
             Radiance [W sr⁻¹ m⁻²].
         """
-        # A map's border of one texel makes every coordinate positive and every neighbour exist: nothing is clamped
-        column, row = dr.fma(p.x, self.half, self.half + 0.5), dr.fma(p.y, -self.half, self.half + 0.5)
-        left, top = mi.UInt32(column), mi.UInt32(row)
-        rightward, downward = column - mi.Float(left), row - mi.Float(top)
-        first = dr.fma(view, self.map_size, top * _STRIP)
-        upper_left, upper_right = first + self._across(left), first + self._across(left + 1)
-
-        def between(one: mi.UInt32, other: mi.UInt32) -> mi.Color3f:
-            (one_m, one_scale), (other_m, other_scale) = self._texel(one), self._texel(other)
-            return one_m * ((1 - rightward) * one_scale) + other_m * (rightward * other_scale)
-
-        upper, lower = between(upper_left, upper_right), between(upper_left + _STRIP, upper_right + _STRIP)
-        return dr.lerp(upper, lower, downward)
+        cell = BilinearCell.in_sphere_map(p, self.half)
+        first = dr.fma(view, self.map_size, cell.top * _STRIP)
+        left, right = first + self._across(cell.left), first + self._across(cell.left + 1)
+        return bilinear(self.texels, cell, left, right, _STRIP)
 
     def _across(self, column: mi.UInt32) -> mi.UInt32:
         """Place of a column's first texel in its map."""
         return dr.fma(column // _STRIP, self.strip_size, column % _STRIP)
-
-    def _texel(self, index: mi.UInt32) -> tuple[mi.Color3f, mi.Float]:
-        # Gathered as floats, of which LLVM loads two at once, and as the words that they are again
-        return unpacked(dr.reinterpret_array(mi.Vector2u, dr.gather(mi.Vector2f, self.texels, index)))
 
 
 def _filled_outward(image: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:

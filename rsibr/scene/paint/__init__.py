@@ -1,1 +1,1 @@
-"""Car paint as layers of pigments, flakes and clear coat, down to a Mitsuba BSDF."""
+"""Car paint: layers of pigment, flakes and clear coat, as a Mitsuba BSDF."""

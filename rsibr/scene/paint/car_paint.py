@@ -1,10 +1,9 @@
-"""Car paint, a BSDF for Mitsuba: clear coat over pigment and metallic flakes, with all light that goes back and forth.
+"""Car paint as a Mitsuba BSDF: clear coat over pigment and metallic flakes, with all orders of interreflection.
 
     f = f_coat + T(ω_i) T(ω_o) / η² · [ ρ* a(ω_i) a(ω_o) / π + f_flakes + f_retro + f_between ](ω_i', ω_o')
 
-with ω' the refracted directions and T(ω) = (1 − E_coat(ω)) exp(−τ / cos θ'). `rsibr.scene.paint.layers` gives the rest:
-the pigment's own series ρ*, the light that flakes and coat throw at the pigment a, and several reflections among flakes
-f_between.
+with ω' the refracted directions and T(ω) = (1 − E_coat(ω)) exp(−τ / cos θ'). `rsibr.scene.paint.layers` tabulates the
+interreflection: ρ* between pigment and coat, a from flakes and coat to the pigment, f_between among the flakes.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ PLUGIN = "rsibr_car_paint"
 """Name of the BSDF in Mitsuba XML and dictionaries."""
 
 PIGMENT, COAT, FLAKES, RETRO = range(4)
-"""Index of each component, as `BSDFContext.component` takes it; the last is there only where the paint has it."""
+"""Indices for `BSDFContext.component`; the last exists only if the paint is retroreflective."""
 
-_LEAST_COSINE = 1e-7
+_HORIZON = 1e-7  # cosine up to which a direction counts as on the horizon: Fresnel and tables stay finite
 
 
 @dataclass(frozen=True)
 class _Side:
-    """One direction outside and the refracted one below the coat, with what the coat lets through."""
+    """A direction outside, its refraction into the coat, and the transmittance of the coat."""
 
     cosine: mi.Float
     inner: mi.Vector3f
@@ -43,15 +42,15 @@ class _Side:
 
 
 class CarPaint:
-    """Coated paint. Its parameters are those of `PaintRecipe`; all can be changed through `mi.traverse`.
+    """Coated paint with the parameters of `PaintRecipe`, which can be changed through `mi.traverse`.
 
-    Mitsuba has a BSDF class for each variant: `register` derives from it with these methods. Not differentiable in its
-    parameters. In spectral variants colours are spectra, by Mitsuba's own reading of what is given, and cannot be
-    changed through `mi.traverse`. In polarised ones its light is taken to leave unpolarised.
+    Mitsuba has a BSDF class for each variant, from which `register` derives a class with these methods. Not
+    differentiable in its parameters. In spectral variants colours are spectra, as Mitsuba converts them, and cannot be
+    changed through `mi.traverse`. In polarised variants the reflected light is assumed to be unpolarised.
 
-    Components: pigment (diffuse), coat (glossy; delta where `coat_alpha` is 0), flakes (glossy), and back-reflection
-    (glossy) where the paint has any. Light reflected several times below the coat counts as pigment if the pigment took
-    part, otherwise as flakes. The components add up to the whole.
+    Components: pigment (diffuse), coat (glossy; delta if `coat_alpha` is 0), flakes (glossy), and retroreflection
+    (glossy) if the paint has any. Light reflected several times below the coat belongs to the pigment if it met the
+    pigment, otherwise to the flakes. The components add up to the BSDF.
     """
 
     def __init__(self, props: mi.Properties) -> None:
@@ -66,12 +65,12 @@ class CarPaint:
         self._prepare(recipe)
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
-        """Hand Mitsuba the parameters."""
+        """Expose the parameters to Mitsuba."""
         for name, value in self._parameters.items():
             callback.put(name, value, mi.ParamFlags.NonDifferentiable)
 
-    def parameters_changed(self, keys: list[str]) -> None:  # noqa: ARG002  # any of them enters every table
-        """Solve the layers anew."""
+    def parameters_changed(self, keys: list[str]) -> None:  # noqa: ARG002  # every parameter affects every table
+        """Solve the layers for the changed parameters."""
         host = {name: np.array(value, dtype=np.float64).ravel() for name, value in self._parameters.items()}
         given: dict[str, Any] = {
             f.name: host[f.name] for f in fields(PaintRecipe) if f.name in host and f.type == "Colour"
@@ -95,7 +94,7 @@ class CarPaint:
     def eval_pdf(
         self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
     ) -> tuple[mi.Spectrum, mi.Float]:
-        """Value of f·cos θ_o and density, of the components that are asked for, delta ones excepted."""
+        """Value of f·cos θ_o and density of the selected components, without delta components."""
         value, pdf = self._unpolarised(ctx, si, wo, active)
         return mi.mueller.depolarizer(value) if mi.is_polarized else value, pdf
 
@@ -103,12 +102,14 @@ class CarPaint:
         self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool
     ) -> tuple[mi.UnpolarizedSpectrum, mi.Float]:
         """Value of f·cos θ_o for unpolarised light, and density."""
+        # Directions inside the coat, transmittance, and the factor of the solid angle on refraction
         active = active & (si.wi.z > 0) & (wo.z > 0)
         colours = self._spectra.at(si)
         i, o = self._side(si.wi, colours), self._side(wo, colours)
         shares = self._shares(ctx, i.cosine)
         through = i.transmitted * o.transmitted * (o.cosine / self._eta**2)
         squeeze = o.cosine / (self._eta**2 * o.inner.z)  # dω' / dω
+        # Components below the coat, then the coat itself
         value, pdf = mi.UnpolarizedSpectrum(0), mi.Float(0)
         if PIGMENT in shares:
             value += through * colours.diffuse * i.entry * o.entry * dr.inv_pi
@@ -136,18 +137,20 @@ class CarPaint:
         sample2: mi.Point2f,
         active: mi.Bool = True,
     ) -> tuple[mi.BSDFSample3f, mi.Spectrum]:
-        """Draw a direction from one component, and weigh it by all that could have drawn it."""
+        """Sample a direction from one component, weighted by the density of all components."""
+        # Sample a direction from one component, chosen by its share
         shares = self._shares(ctx, si.wi.z)
         drawn = dr.zeros(mi.BSDFSample3f, dr.width(si.wi))
         drawn.eta = 1.0
         below = mi.Float(0)
         for component, share in shares.items():
-            chosen = sample1 >= below  # the last that holds is the one
+            chosen = sample1 >= below  # the last component for which this holds is chosen
             below = below + share
             drawn.wo = dr.select(chosen, self._draw(component, si.wi, sample2), drawn.wo)
             drawn.sampled_component = dr.select(chosen, mi.UInt32(component), drawn.sampled_component)
             kind = int(self.m_components[component]) & int(mi.BSDFFlags.All)
             drawn.sampled_type = dr.select(chosen, mi.UInt32(kind), drawn.sampled_type)
+        # Weight by the density of all smooth components; a smooth coat is a delta lobe with a density of its own
         active = active & (si.wi.z > 0) & (drawn.wo.z > 0)
         value, drawn.pdf = self._unpolarised(ctx, si, drawn.wo, active)
         weight = value / dr.select(drawn.pdf > 0, drawn.pdf, 1)
@@ -164,7 +167,8 @@ class CarPaint:
         return f"CarPaint[{', '.join(f'{k} = {v}' for k, v in self._parameters.items())}]"
 
     def _prepare(self, recipe: PaintRecipe) -> None:
-        """Solve the layers, and put on the device what the kernels need: as data, never as constants."""
+        """Solve the layers, and copy their tables and parameters to the device as opaque data."""
+        # Components and their flags
         tables = recipe.solve()
         flags = mi.BSDFFlags
         coat = flags.GlossyReflection if recipe.coat_alpha > 0 else flags.DeltaReflection
@@ -173,6 +177,7 @@ class CarPaint:
             kinds.append(flags.GlossyReflection)
         self.m_components = [kind | flags.FrontSide for kind in kinds]
         self.m_flags = int(np.bitwise_or.reduce([int(kind) for kind in self.m_components]))
+        # Parameters and tables on the device
         self._is_smooth = recipe.coat_alpha == 0
         self._eta = dr.opaque(mi.Float, recipe.int_ior)
         self._flake_ggx, self._retro_ggx = ggx(recipe.flakes.alpha), ggx(recipe.retro.alpha)
@@ -190,23 +195,23 @@ class CarPaint:
         self._between_table = lookup_table(self._spectra.between, 3)
 
     def _side(self, w: mi.Vector3f, colours: PaintColours) -> _Side:
-        cosine = dr.maximum(w.z, _LEAST_COSINE)
+        cosine = dr.maximum(w.z, _HORIZON)
         ratio, *entry = self._by_cosine.eval(along(dr.sqrt(cosine), COSINE_NODES))
         inner = refracted(w, self._eta)
         through = 1 - mi.fresnel(cosine, self._eta)[0] * ratio
         return _Side(cosine, inner, through * dr.exp(-colours.depth / inner.z), colours.entry(entry))
 
     def _between(self, i: mi.Vector3f, o: mi.Vector3f, colours: PaintColours) -> mi.UnpolarizedSpectrum:
-        """BRDF of two and more reflections among flakes, from the table."""
+        """BRDF [sr⁻¹] of two or more reflections among flakes, from the table."""
         azimuth = dr.abs(dr.atan2(i.x * o.y - i.y * o.x, i.x * o.x + i.y * o.y))
         sines = [along(dr.minimum(dr.hypot(w.x, w.y) * self._eta, 1), SINE_NODES) for w in (i, o)]
         return colours.between(self._between_table.eval(mi.Point3f(*sines, along(azimuth * dr.inv_pi, AZIMUTH_NODES))))
 
     def _shares(self, ctx: mi.BSDFContext, cosine: mi.Float) -> dict[int, mi.Float]:
-        """Probability of each component that the context asks for: its share of the albedo."""
+        """Probability of each component that the context enables: its share of the albedo."""
         albedo = self._share_table.eval(along(dr.safe_sqrt(cosine), COSINE_NODES))
         asked = [k for k, kind in enumerate(self.m_components) if ctx.is_enabled(_kind(kind), k)]
-        floor = 1e-6  # a paint without pigment asked for its pigment: nothing, but not by dividing by zero
+        floor = 1e-6  # avoids 0/0 if only a component without albedo is enabled
         total = sum((albedo[k] + floor for k in asked), mi.Float(0))
         return {k: (albedo[k] + floor) / total for k in asked}
 
@@ -233,7 +238,7 @@ def _create(props: mi.Properties) -> Any:
 
 @cache
 def _class_for(variant: str) -> type:
-    """The methods of `CarPaint` on the variant's own base class; the binding allows no second base."""
+    """Class with the methods of `CarPaint` and the variant's BSDF as its base; the binding allows no second base."""
     methods = {name: member for name, member in vars(CarPaint).items() if name not in ("__dict__", "__weakref__")}
     return type(f"CarPaint_{variant}", (mi.BSDF,), methods)
 

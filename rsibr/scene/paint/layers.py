@@ -1,9 +1,9 @@
-"""Light between a clear coat and the paint below it: all orders of reflection, as tables. NumPy only, no Mitsuba.
+"""Interreflection between a clear coat and the paint below it, all orders, tabulated. NumPy only.
 
-The coat is a plane dielectric layer with absorption. Below it lie pigment (Lambert) and glossy lobes (GGX) that depend
-on the two polar angles and the difference of azimuth alone; so each Fourier order m of that difference is a matrix of
-its own (Chandrasekhar 1950; Jakob et al. 2014, *A comprehensive framework for rendering layered materials*), and light
-that goes back and forth below the coat is a geometric series of matrices.
+The coat is a plane dielectric layer with absorption. Below it are pigment (Lambert) and glossy lobes (GGX), which
+depend only on the two polar angles and the difference of azimuth. Each Fourier order m of that difference is therefore
+a matrix (Chandrasekhar 1950; Jakob et al. 2014, *A comprehensive framework for rendering layered materials*), and the
+interreflection below the coat is a geometric series of matrices.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ from scipy.fft import dct
 Array = NDArray[np.float64]
 
 COSINE_NODES = 65
-"""Nodes of the one-dimensional tables, even in √cos θ outside the coat: close together at grazing angles."""
+"""Nodes of the one-dimensional tables, uniform in √cos θ outside the coat: densest at grazing angles."""
 
 SINE_NODES = 25
-"""Nodes of `CoatTables.interreflection` in sin θ outside the coat."""
+"""Nodes of `CoatTables.interreflection`, uniform in sin θ outside the coat."""
 
 AZIMUTH_NODES = 33
-"""Nodes of `CoatTables.interreflection` in the difference of azimuth, 0 to π."""
+"""Nodes of `CoatTables.interreflection`, uniform in the difference of azimuth from 0 to π."""
 
 _QUADRATURE = 40  # Gauss–Legendre nodes on each side of the critical angle
-_AZIMUTHS = 128  # intervals over half a turn; a multiple of AZIMUTH_NODES - 1
+_AZIMUTHS = 128  # intervals from 0 to π; a multiple of AZIMUTH_NODES - 1
 _SCALINGS = 30
-_VISIBLE_NORMALS = 64  # points a side of the stratified square that the coat's albedo is averaged over
+_VISIBLE_NORMALS = 64  # points a side of the quadrature for directional albedos
 
 
 @dataclass(frozen=True)
 class Gloss:
-    """A glossy lobe of the paint: GGX microfacets of constant reflectance, inside the coat's medium.
+    """Glossy lobe of the paint: GGX microfacets of constant reflectance inside the coat.
 
     Attributes
     ----------
     reflectance : tuple of C floats
-        Of one facet times the share of the paint's area that the facets cover, a channel; 0 … 1.
+        Reflectance of one microfacet times the area share of the microfacets, per channel, in [0, 1].
     alpha : float
-        GGX width.
+        GGX roughness α.
     backward : bool
-        Whether it is turned half round the normal, so that its peak is at the incident direction.
+        Whether the lobe is rotated by π about the normal, so that it peaks at the incident direction.
     """
 
     reflectance: tuple[float, ...]
@@ -54,21 +54,21 @@ class Gloss:
 
 @dataclass(frozen=True, eq=False)
 class CoatTables:
-    """What the paint's BRDF needs of the layers, for C colour channels.
+    """Tables from which the paint's BRDF is evaluated, for C colour channels.
 
     Attributes
     ----------
     coat : ndarray, shape (COSINE_NODES,)
-        Directional albedo of the coat's surface, divided by Fresnel's reflectance of a smooth one.
+        Directional albedo of the coat's surface, relative to the Fresnel reflectance of a smooth one.
     entry : ndarray, shape (COSINE_NODES, C)
-        Light that reaches the pigment for the first time, directly or by way of glossy lobes and the coat's inner side,
-        per light that falls on the paint: at least 1.
+        Light that reaches the pigment for the first time, directly or by reflections between glossy lobes and coat,
+        relative to the light incident on the paint: at least 1.
     diffuse : ndarray, shape (C,)
-        Reflectance of the pigment with what the coat sends back to it, all orders; may exceed 1.
+        Reflectance of the pigment with all orders of reflection at the coat; may exceed 1.
     interreflection : ndarray, shape (AZIMUTH_NODES, SINE_NODES, SINE_NODES, C)
-        BRDF inside the medium [1/sr] of all paths with two or more glossy reflections and no diffuse one.
+        BRDF inside the coat [sr⁻¹] of all paths with two or more glossy reflections and no diffuse one.
     albedo : ndarray, shape (COSINE_NODES, 2 + lobes)
-        Directional albedo outside, mean of the channels: pigment, coat, and each glossy lobe (single reflections).
+        Directional albedo outside, mean of the channels, of pigment, coat, and each glossy lobe (single reflection).
     """
 
     coat: Array
@@ -79,7 +79,7 @@ class CoatTables:
 
 
 def fresnel(cosine: Array, eta: float) -> Array:
-    """Unpolarised reflectance of a smooth dielectric, seen from outside at `cosine` to the normal; eta ≥ 1."""
+    """Fresnel reflectance of a smooth dielectric for unpolarised light from outside at cos θ = `cosine`; eta ≥ 1."""
     inner = inner_cosine(cosine, eta)
     s = (cosine - eta * inner) / (cosine + eta * inner)
     p = (eta * cosine - inner) / (eta * cosine + inner)
@@ -87,12 +87,12 @@ def fresnel(cosine: Array, eta: float) -> Array:
 
 
 def inner_cosine(cosine: Array, eta: float) -> Array:
-    """Cosine to the normal inside the medium, by Snell's law."""
+    """Cosine of the refracted angle inside the coat, by Snell's law."""
     return np.sqrt(1 - (1 - cosine**2) / eta**2)
 
 
 def cosine_nodes() -> Array:
-    """Cosines outside the coat at which the one-dimensional tables stand."""
+    """Cosines outside the coat at the nodes of the one-dimensional tables, shape (COSINE_NODES,)."""
     return np.linspace(0, 1, COSINE_NODES) ** 2
 
 
@@ -100,32 +100,34 @@ def cosine_nodes() -> Array:
 def solve_layers(
     eta: float, coat_alpha: float, depth: tuple[float, ...], pigment: tuple[float, ...], lobes: tuple[Gloss, ...]
 ) -> CoatTables:
-    """Tabulate a coat over pigment and glossy lobes: a quarter of a second, and nothing for one that was solved before.
+    """Tabulate the interreflection of a coat over pigment and glossy lobes, in 0.25 s; results are cached.
 
     Parameters
     ----------
     eta : float
         Index of refraction of the coat, > 1.
     coat_alpha : float
-        GGX width of its outer surface; 0 is smooth.
+        GGX roughness α of its outer surface; 0 is smooth.
     depth : tuple of C floats
         Optical depth of the coat along the normal.
     pigment : tuple of C floats
-        Reflectance of the pigment times the share of the area that it covers.
+        Reflectance of the pigment times the area share that it covers.
     lobes : tuple of Gloss
         At least one; its reflectance may be zero.
 
     Notes
     -----
-    Exact for a smooth coat, up to quadrature. For a rough one the light is taken to be refracted, and reflected inside,
-    as by a smooth surface that lets through what the rough one does not reflect: energy is kept.
+    Exact for a smooth coat, up to quadrature. A rough coat refracts, and reflects from inside, like a smooth one whose
+    transmittance is one minus the albedo of the rough surface, which conserves energy.
     """
+    # Modes of single reflections by each glossy lobe, at the tables' nodes and between quadrature nodes
     outer = np.maximum(cosine_nodes(), 1e-9)
     coat = _albedo(outer, coat_alpha, eta)
     inside = _Inside(eta, outer, coat, np.array(depth))
     tilted = np.sqrt(1 - (np.linspace(0, 1, SINE_NODES) / eta) ** 2)
     rows = [inner_cosine(outer, eta), tilted, inside.cosine]
     by_lobe = [_lobe_modes(rows, inside, lobe) for lobe in lobes]
+    # Series of reflections, one channel at a time
     entry, diffuse, between, albedo = [], [], [], []
     for c, reflectance in enumerate(pigment):
         at_entry, at_table, at_inside = (
@@ -148,23 +150,24 @@ def solve_layers(
 
 
 class _Inside:
-    """Quadrature over the cosines inside the medium, on both sides of the critical angle.
+    """Quadrature over the cosines inside the coat, on both sides of the critical angle.
 
     Attributes
     ----------
     cosine, flux : ndarray, shape (Q,)
         Nodes μ and weights μ dμ.
     returned, escaping : ndarray, shape (Q, C)
-        The weight times the share of the light leaving the paint that comes back to it, and that leaves the coat.
+        Weight times the share of the light leaving the paint that returns to it, and that escapes from the coat.
     entering : ndarray, shape (COSINE_NODES, C)
-        Share of the light from outside that reaches the paint.
+        Share of the light from outside that is transmitted to the paint.
     """
 
     def __init__(self, eta: float, outer: Array, coat: Array, depth: Array) -> None:
         x, w = np.polynomial.legendre.leggauss(_QUADRATURE)
         x, w = (x + 1) / 2, w / 2
         critical = np.sqrt(1 - 1 / eta**2)
-        self.cosine = np.concatenate([critical * x, inner_cosine(x, eta)])  # Fresnel is smooth in the cosine outside
+        # Beyond the critical angle Fresnel reflectance is smooth in the cosine outside
+        self.cosine = np.concatenate([critical * x, inner_cosine(x, eta)])
         self.flux = np.concatenate([critical**2 * x * w, x * w / eta**2])
         reflected = fresnel(x, eta) * np.interp(np.sqrt(x), np.sqrt(outer), coat / fresnel(outer, eta))
         transmitted = np.concatenate([np.zeros_like(x), 1 - reflected])[:, None]
@@ -175,11 +178,11 @@ class _Inside:
 
 
 class _Series:
-    """The geometric series of glossy reflections below the coat, one channel.
+    """Geometric series of glossy reflections below the coat, one channel.
 
-    With S_m the modes of one reflection and P the diagonal of what the coat sends back, all orders are
-    S + S P (1 − S P)⁻¹ S; the inner side of the coat turns the azimuth half round, a factor (−1)^m. Written with √P on
-    both sides, so that it is symmetric, as Helmholtz' reciprocity asks.
+    With S_m the modes of one reflection and P the diagonal matrix of the coat's internal reflection, all orders are
+    S + S P (1 − S P)⁻¹ S. Reflection at the coat rotates the azimuth by π, a factor (−1)^m. With √P on both sides the
+    matrices are symmetric, in agreement with Helmholtz reciprocity.
     """
 
     def __init__(self, reflection: Array, returned: Array) -> None:
@@ -188,10 +191,10 @@ class _Series:
         orders = self._turns * self._root[:, None] * np.moveaxis(reflection, -1, 0) * self._root
         self._sum = np.linalg.inv(np.eye(len(returned)) - orders)
         self.once = self._root * (self._sum[0] @ self._root)
-        """What a glossy reflection must be summed with to give the light that reaches the pigment."""
+        """Factors that sum a glossy reflection to the light that reaches the pigment, all orders."""
 
     def between(self, table: Array) -> Array:
-        """Azimuths of two and more reflections; from modes, shape (n, Q, modes), to shape (AZIMUTH_NODES, n, n)."""
+        """BRDF of two or more reflections, shape (AZIMUTH_NODES, n, n), from modes of shape (n, Q, modes)."""
         rows = np.moveaxis(table, -1, 0) * self._root
         modes = self._turns * (rows @ self._sum @ rows.swapaxes(-1, -2))
         values = dct(modes, type=1, axis=0)[:: _AZIMUTHS // (AZIMUTH_NODES - 1)] / (2 * np.pi)
@@ -199,10 +202,10 @@ class _Series:
 
 
 def _lobe_modes(rows: Sequence[Array], inside: _Inside, lobe: Gloss) -> list[Array]:
-    """Modes between each of the sets of cosines and the quadrature's.
+    """Modes between each set of cosines and the quadrature nodes.
 
-    A narrow lobe at grazing angles falls between the nodes: the modes are scaled, symmetrically, until the albedos are
-    the lobe's own. That keeps the energy, which the series would otherwise raise to a high power.
+    A narrow lobe at grazing angles falls between the nodes. The modes are therefore scaled, symmetrically, to the exact
+    albedos of the lobe: the series would amplify any error in energy.
     """
     inner = _modes(inside.cosine, inside.cosine, lobe)
     exact = _albedo(inside.cosine, lobe.alpha)
@@ -217,7 +220,7 @@ def _lobe_modes(rows: Sequence[Array], inside: _Inside, lobe: Gloss) -> list[Arr
 
 
 def _modes(rows: Array, columns: Array, lobe: Gloss) -> Array:
-    """Fourier modes ∫ f cos(mφ) dφ over the whole turn of one glossy lobe, shape (rows, columns, modes)."""
+    """Fourier modes ∫ f cos(mφ) dφ over [0, 2π] of one glossy lobe, shape (rows, columns, modes)."""
     azimuth = np.linspace(0, np.pi, _AZIMUTHS + 1)
     values = _ggx(rows[:, None, None], columns[None, :, None], azimuth, lobe.alpha)
     modes = dct(values, type=1, axis=-1) * (np.pi / _AZIMUTHS)
@@ -229,26 +232,27 @@ def _half_turns(modes: int) -> Array:
 
 
 def _ggx(cos_a: Array, cos_b: Array, azimuth: Array, alpha: float) -> Array:
-    """BRDF [1/sr] of GGX mirrors between two directions whose azimuths differ by `azimuth` (Walter et al. 2007)."""
+    """BRDF [sr⁻¹] of perfectly reflecting GGX microfacets between two directions (Walter et al. 2007)."""
     sines = np.sqrt((1 - cos_a**2) * (1 - cos_b**2))
     half_squared = 2 + 2 * (sines * np.cos(azimuth) + cos_a * cos_b)
     cos_h_squared = (cos_a + cos_b) ** 2 / half_squared
     normals = alpha**2 / (np.pi * (1 - (1 - alpha**2) * cos_h_squared) ** 2)
-    return normals * _unshadowed(cos_a, alpha) * _unshadowed(cos_b, alpha) / (4 * cos_a * cos_b)
+    return normals * _smith_g1(cos_a, alpha) * _smith_g1(cos_b, alpha) / (4 * cos_a * cos_b)
 
 
-def _unshadowed(cosine: Array, alpha: float) -> Array:
-    """Smith's G₁ of GGX."""
+def _smith_g1(cosine: Array, alpha: float) -> Array:
+    """Smith's masking term G₁ of GGX (Walter et al. 2007, eq. 34)."""
     return 2 / (1 + np.sqrt(1 + alpha**2 * (1 / cosine**2 - 1)))
 
 
 def _albedo(cosine: Array, alpha: float, eta: float | None = None) -> Array:
-    """Directional albedo of GGX facets, of a dielectric or (without `eta`) of mirrors.
+    """Directional albedo of GGX microfacets: dielectric, or perfectly reflecting without `eta`.
 
-    The mean of F·G₁ over the visible normals, drawn on a spherical cap (Dupuy & Benyoub 2023) from a stratified square.
+    Mean of F·G₁ over the visible normals, sampled by spherical caps (Dupuy & Benyoub 2023) from a stratified square.
     """
     if alpha == 0:
         return fresnel(cosine, eta) if eta else np.ones_like(cosine)
+    # Visible normals: points of a spherical cap, mapped from the hemisphere to the ellipsoid
     u = (np.arange(_VISIBLE_NORMALS) + 0.5) / _VISIBLE_NORMALS
     phi, height = 2 * np.pi * u[:, None], u[None, :]
     view_z, view_x = cosine[:, None, None], np.sqrt(1 - cosine[:, None, None] ** 2)
@@ -258,7 +262,8 @@ def _albedo(cosine: Array, alpha: float, eta: float | None = None) -> Array:
     x, y = alpha * (sine * np.cos(phi) + alpha * view_x / length), alpha * sine * np.sin(phi)
     z = np.maximum(0, z + view_z / length)
     length = np.sqrt(x**2 + y**2 + z**2)
+    # Mean of F·G₁ over the reflected directions
     facing = np.clip((view_x * x + view_z * z) / length, 0, 1)
     out = 2 * facing * z / length - view_z
-    lit = np.where(out > 0, _unshadowed(np.maximum(out, 1e-9), alpha), 0)
+    lit = np.where(out > 0, _smith_g1(np.maximum(out, 1e-9), alpha), 0)
     return np.asarray(np.mean(lit * (fresnel(facing, eta) if eta else 1.0), axis=(1, 2)))

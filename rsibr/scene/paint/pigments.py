@@ -1,4 +1,4 @@
-"""Pigments by name: measured spectral reflectances of painted patches from colour-science, and their linear Rec.709."""
+"""Named pigments: measured spectral reflectances of chart patches from colour-science, and their linear Rec.709."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from rsibr.errors import InputError
 
 CHART = "ColorChecker N Ohta"
-"""Spectral reflectances of the 24 patches of a colour chart, 380 to 780 nm (Ohta 1997), as colour-science has them."""
+"""Spectral reflectances of the 24 patches of a colour chart, 380 to 780 nm (Ohta 1997), from colour-science."""
 
 
 def pigment_reflectance(name: str) -> NDArray[np.float64]:
-    """Reflectance of a chart's patch under daylight.
+    """Reflectance of a patch under daylight.
 
     Parameters
     ----------
@@ -25,8 +25,8 @@ def pigment_reflectance(name: str) -> NDArray[np.float64]:
     Returns
     -------
     ndarray, shape (3,)
-        Linear Rec.709, 0 … 1: the spectrum times D65 against the CIE 1931 2° observer, so that white stays white.
-        Colours outside Rec.709 are clipped.
+        Linear Rec.709 in [0, 1] of the spectrum under D65 for the CIE 1931 2° observer; a perfect white is 1. Colours
+        outside Rec.709 are clipped.
 
     Raises
     ------
@@ -35,8 +35,8 @@ def pigment_reflectance(name: str) -> NDArray[np.float64]:
 
     Examples
     --------
-    >>> pigment_reflectance("neutral 5 (.70 D)").round(2)
-    array([0.19, 0.19, 0.19])
+    >>> pigment_reflectance("neutral 5 (.70 D)").round(1).tolist()
+    [0.2, 0.2, 0.2]
     """
     import colour  # noqa: PLC0415  # takes a second, and most paints are given as RGB
 
@@ -48,7 +48,7 @@ def pigment_reflectance(name: str) -> NDArray[np.float64]:
 
 
 def pigment_spectrum(name: str, wavelengths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Reflectance of a chart's patch at wavelengths [nm], 0 … 1; beyond what was measured as at its ends.
+    """Reflectance of a patch at wavelengths [nm], in [0, 1]; constant beyond the measured range.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a car paint is made of: the parameters that a user gives, checked, and what they mean for its layers."""
+"""Parameters of a car paint, validated, and the layers that follow from them."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from rsibr.scene.paint.spectra import NODES
 Colour = NDArray[np.float64]
 
 FLAKE_FILM = 4.0
-"""Flakes lie between two planes this far apart [µm]: a flake of diameter D tilts by about `FLAKE_FILM` / D.
+"""Thickness of the layer that holds the flakes [µm]: a flake of diameter D tilts by about `FLAKE_FILM` / D.
 
-A rule of ours, after the common observation that coarse flakes lie flatter than fine ones; not measured.
+A heuristic, after the observation that coarse flakes lie flatter than fine ones; not measured.
 """
 
 _RANGES: dict[str, tuple[float, float]] = {
@@ -41,30 +41,30 @@ _UNBOUNDED = ("coat_absorption",)
 
 @dataclass(frozen=True, eq=False)
 class PaintRecipe:
-    """Parameters of a car paint; every one has a default. Colours are arrays of shape (C,).
+    """Parameters of a car paint, all with defaults. Colours are arrays of shape (C,).
 
     Attributes
     ----------
     pigment : Colour
-        Reflectance of the pigment, 0 … 1. In a file also the name of a measured patch; see `pigments.py`.
+        Reflectance of the pigment, in [0, 1]. A file may name a measured patch instead; see `pigments.py`.
     flake_tint : Colour
-        Reflectance of a metal flake inside the coat, 0 … 1.
+        Reflectance of a metal flake inside the coat, in [0, 1].
     flake_size : float
-        Diameter of a flake [µm], 4 … 80; sets how flat the flakes lie, see `FLAKE_FILM`.
+        Diameter of a flake [µm], 4 to 80; determines the tilt of the flakes, see `FLAKE_FILM`.
     flake_density : float
-        Flakes per area [1/mm²]; with the size it sets how much of the pigment they hide.
+        Flakes per area [mm⁻²]; with the size it determines the covered share of the pigment.
     int_ior : float
         Index of refraction of the clear coat; polyurethane has 1.5.
     coat_alpha : float
-        GGX width of the coat's surface, 0 … 0.3; 0 is a perfect mirror.
+        GGX roughness α of the coat's surface, 0 to 0.3; 0 is smooth.
     coat_thickness : float
         Thickness of the clear coat [µm].
     coat_absorption : Colour
-        Absorption coefficient of the clear coat [1/mm]: a candy paint's colour.
+        Absorption coefficient of the clear coat [mm⁻¹]; the colour of a candy paint.
     retro_share : float
-        Share of the area between the flakes that sends light back to where it came from, 0 … 1.
+        Retroreflective share of the area between the flakes, in [0, 1].
     retro_alpha : float
-        GGX width of that.
+        GGX roughness α of the retroreflective lobe.
     """
 
     pigment: Colour = field(default_factory=lambda: np.full(3, 0.5))
@@ -87,9 +87,9 @@ class PaintRecipe:
 
     @classmethod
     def from_properties(cls, properties: mi.Properties) -> PaintRecipe:
-        """Read the parameters that Mitsuba hands to a plugin, in the channels of the current variant.
+        """Read the parameters of a plugin in the channels of the current variant.
 
-        In spectral variants a channel stands for each of `rsibr.scene.paint.spectra.NODES`.
+        In spectral variants there is a channel for each of `rsibr.scene.paint.spectra.NODES`.
 
         Raises
         ------
@@ -112,7 +112,7 @@ class PaintRecipe:
 
     @property
     def coverage(self) -> float:
-        """Share of the area that flakes of any place and overlap cover (Boolean model): 1 − exp(−density · area)."""
+        """Area share covered by randomly placed, overlapping flakes (Boolean model): 1 − exp(−density · area)."""
         area = math.pi / 4 * (self.flake_size * 1e-3) ** 2
         return -math.expm1(-self.flake_density * area)
 
@@ -123,17 +123,17 @@ class PaintRecipe:
 
     @property
     def flakes(self) -> Gloss:
-        """The lobe of the flakes."""
+        """Glossy lobe of the flakes."""
         return Gloss(_tuple(self.flake_tint * self.coverage), FLAKE_FILM / self.flake_size)
 
     @property
     def retro(self) -> Gloss:
-        """The lobe that sends light back; each facet reflects all."""
+        """Retroreflective lobe; its microfacets are perfect reflectors."""
         share = (1 - self.coverage) * self.retro_share
         return Gloss((share,) * len(self.pigment), self.retro_alpha, backward=True)
 
     def solve(self) -> CoatTables:
-        """Tabulate the layers."""
+        """Tabulate the interreflection of the layers."""
         return solve_layers(
             self.int_ior,
             self.coat_alpha,

@@ -1,8 +1,8 @@
-"""What a paint's layers give, at the channels or the wavelengths of a sample.
+"""Tables of a paint's layers, evaluated at the channels or the wavelengths of a sample.
 
-In RGB a table holds a channel each. In spectra the layers are solved at `NODES` wavelengths, and a table over
-directions holds the few functions of which the table of any wavelength is a sum: a coloured paint needs no more to a
-part in 10⁴.
+In RGB a table holds one value a channel. In spectral variants the layers are solved at the wavelengths `NODES`, and
+tables over directions are compressed by a singular value decomposition to a few functions whose weighted sum gives the
+table of any wavelength, with a relative error of 1e-4.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ Array = NDArray[np.float64]
 NODES = np.linspace(360.0, 830.0, 48)
 """Wavelengths [nm] at which a paint is solved in spectral rendering; linear between them."""
 
-_RANKS = {"entry": 3, "between": 4}  # with the coat's albedo the first makes four: what one lookup can fetch
+_RANKS = {"entry": 3, "between": 4}  # with the coat's albedo the first has four channels: one lookup
 
 
 @dataclass(frozen=True)
 class PaintColours:
-    """A paint at the channels or wavelengths of a sample.
+    """Paint at the channels or wavelengths of a sample.
 
     Attributes
     ----------
     diffuse, flakes, retro, depth : mi.UnpolarizedSpectrum
         See `CoatTables.diffuse`, and `PaintRecipe`.
     entry, between : callable
-        From what the tables over directions hold to a value each.
+        Map the channels of the tables over directions to a value.
     """
 
     diffuse: mi.UnpolarizedSpectrum
@@ -46,7 +46,7 @@ class PaintColours:
 
 
 class PaintSpectra:
-    """Colours of a paint, and how its tables over directions are held.
+    """Colours of a paint, and its tables over directions, compressed in spectral variants.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class PaintSpectra:
     Attributes
     ----------
     entry, between : ndarray, shape (…, at most 4)
-        What the tables over directions are to hold.
+        Channels of the tables over directions.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class PaintSpectra:
         colours = np.stack([np.array([*row]) for row in (diffuse, flakes, retro, depth)])
         self._spectral = bool(mi.is_spectral)
         if self._spectral:
-            by_entry, self.entry = _compressed(entry - 1, _RANKS["entry"])  # of what comes beside the light itself
+            by_entry, self.entry = _compressed(entry - 1, _RANKS["entry"])  # without the direct light, which is 1
             by_between, self.between = _compressed(between, _RANKS["between"])
             self._table = lookup_table(np.column_stack([colours.T, by_entry, by_between]), 1)
         else:
@@ -81,7 +81,7 @@ class PaintSpectra:
             self._constant = [opaque_colour(row) for row in colours]
 
     def at(self, si: mi.SurfaceInteraction3f) -> PaintColours:
-        """Return the colours of a sample."""
+        """Return the paint at the channels or wavelengths of `si`."""
         if not self._spectral:
             diffuse, flakes, retro, depth = self._constant
             return PaintColours(diffuse, flakes, retro, depth, _as_they_are, _as_they_are)
@@ -101,12 +101,12 @@ class PaintSpectra:
 
 
 def along(position: mi.Float, nodes: int) -> mi.Float:
-    """Texture coordinate of a position 0 … 1 between the first and the last of `nodes` texels."""
+    """Texture coordinate of a position in [0, 1] between the centres of the first and the last of `nodes` texels."""
     return (position * (nodes - 1) + 0.5) / nodes
 
 
 def lookup_table(values: Array, dimensions: int) -> mi.Texture1f | mi.Texture3f:
-    """A table with linear interpolation in float32; channels padded to fours, each of which one load can fetch."""
+    """Table with linear interpolation in float32; channels are padded to multiples of four, one packet each."""
     channels = values.shape[-1]
     padded = np.zeros((*values.shape[:dimensions], -(-channels // 4) * 4), dtype=np.float32)
     padded[..., :channels] = values
@@ -117,7 +117,7 @@ def lookup_table(values: Array, dimensions: int) -> mi.Texture1f | mi.Texture3f:
 
 
 def opaque_colour(values: Iterable[float]) -> mi.UnpolarizedSpectrum:
-    """A colour that is data to a kernel, not a constant."""
+    """Opaque colour, so that all colours share a kernel."""
     colour = mi.UnpolarizedSpectrum([float(v) for v in values])
     dr.make_opaque(colour)
     return colour
@@ -129,12 +129,12 @@ def _as_they_are(held: list[mi.Float]) -> mi.UnpolarizedSpectrum:
 
 def _combined(weights: list[mi.UnpolarizedSpectrum], held: list[mi.Float]) -> mi.UnpolarizedSpectrum:
     total = mi.UnpolarizedSpectrum(0)
-    for weight, value in zip(weights, held, strict=False):  # what pads the table is left over
+    for weight, value in zip(weights, held, strict=False):  # the padding of the table is not used
         total += weight * value
     return total
 
 
 def _compressed(table: Array, rank: int) -> tuple[Array, Array]:
-    """Weights, shape (C, rank), and functions, shape (…, rank), whose sums come nearest to a table of shape (…, C)."""
+    """Weights (C, rank) and functions (…, rank) of the best rank approximation to a table of shape (…, C)."""
     functions, sizes, weights = np.linalg.svd(table.reshape(-1, table.shape[-1]), full_matrices=False)
     return (weights[:rank] * sizes[:rank, None]).T, functions[:, :rank].reshape(*table.shape[:-1], rank)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.geometry.viewpoints import from_directions
-from rsibr.scene.config import Config
+from rsibr.scene.config import config_of
 from rsibr.scene.environment import Environment, load_environment
 from rsibr.store.bake import Bake
 from rsibr.store.health import MapHealth, map_health
@@ -166,7 +167,9 @@ class Health:
         return texels + bool(self.drifts) + bool(self.above_light) + (self.clamp is not None)
 
 
-def assess(bake: Bake, views: Sequence[NDArray[np.float64]]) -> Health:
+def assess(
+    bake: Bake, views: Sequence[NDArray[np.float64]], environment: Callable[[], Environment] | None = None
+) -> Health:
     """Look at every map of a bake, at the maps together, and at how new views would read them.
 
     Parameters
@@ -175,6 +178,8 @@ def assess(bake: Bake, views: Sequence[NDArray[np.float64]]) -> Health:
         A finished bake. Where its environment's file is gone or has changed, its energy is not judged.
     views : sequence of ndarray, shape (3,)
         New view directions, for the share of texels near a singularity.
+    environment : callable, optional
+        Returns what the bake was made under, or raises an `InputError`; by default it is loaded.
 
     Returns
     -------
@@ -188,7 +193,7 @@ def assess(bake: Bake, views: Sequence[NDArray[np.float64]]) -> Health:
     """
     backend.use()
     survey = _Survey(bake)
-    drifts, above, note = _judge_energy(bake, survey.means)
+    drifts, above, note = _judge_energy(bake, survey.means, environment or partial(_environment_of, bake))
     return Health(
         bake=str(bake.path),
         views=bake.view_count,
@@ -301,10 +306,14 @@ def _drawn(seen: MapHealth) -> Rgba:
     return picture
 
 
-def _judge_energy(bake: Bake, means: MapMeans) -> tuple[list[Drift], list[int], str]:
+def _environment_of(bake: Bake) -> Environment:
+    return load_environment(config_of(bake.config).environment)
+
+
+def _judge_energy(bake: Bake, means: MapMeans, load: Callable[[], Environment]) -> tuple[list[Drift], list[int], str]:
     """Drifting views, views above the environment, and why they were not judged if they were not."""
     try:
-        environment = load_environment(Config.model_validate(bake.config).environment)
+        environment = load()
     except InputError as error:
         return [], [], f"the environment cannot be loaded: {error}"
     if bake.manifest.identity["environment"]["content"] != environment.digest:

@@ -72,24 +72,24 @@ class Variant:
         return ", ".join(parts)
 
 
-Plan = dict[BakeSize, list[Variant]]
+Agenda = dict[BakeSize, list[Variant]]
 """The bakes of one scene, each with the ways to make a picture of it."""
 
 
-def plan_of(study: StudyConfig) -> Plan:
+def agenda_of(study: StudyConfig) -> Agenda:
     """Unite the sweeps of a study: every bake and every picture once.
 
     Parameters
     ----------
     study : StudyConfig
-        Its scenes are alike but for material and environment: the plan is that of each of them.
+        Its scenes are alike but for material and environment: the agenda is that of each of them.
 
     Raises
     ------
     InputError
         If a sweep asks for nothing that a method could do, or for what the base config rules out.
     """
-    plan: Plan = {}
+    agenda: Agenda = {}
     for number, sweep in enumerate(study.sweep, 1):
         where = f"{study.name}, sweep[{number}]"
         variants = _variants(sweep, study.method)
@@ -98,13 +98,13 @@ def plan_of(study: StudyConfig) -> Plan:
             what = f"asks for no picture: only {meshed} goes through a mesh, and not every method has weights to choose"
             raise InputError(what, where=where, fix=f"take {meshed} in, or the warp texel and the weights own")
         for size in _sizes(sweep, study.scenes[0], where):
-            known = plan.setdefault(size, [])
+            known = agenda.setdefault(size, [])
             known += [variant for variant in variants if variant not in known]
-    methods = dict.fromkeys(variant.method for variants in plan.values() for variant in variants)
+    methods = dict.fromkeys(variant.method for variants in agenda.values() for variant in variants)
     lobed = [name for name in methods if registration(name).needs.lobes]
     if lobed and study.scenes[0].effects.lobes == "off":
         raise InputError(f'the method {lobed[0]} needs effects.lobes = "auto"', where=f"{study.name}, base")
-    return plan
+    return agenda
 
 
 def _sizes(sweep: SweepConfig, base: Config, where: str) -> list[BakeSize]:
@@ -113,9 +113,9 @@ def _sizes(sweep: SweepConfig, base: Config, where: str) -> list[BakeSize]:
             raise InputError("subdivision: the base config has views of its own", where=where, fix="leave one out")
         subdivisions: tuple[int | None, ...] = (None,)
     else:
-        subdivisions = sweep.subdivision or (base.views.subdivision,)
-    samples = sweep.samples or (base.sampling.samples,)
-    resolutions = sweep.resolution or (base.map.resolution,)
+        subdivisions = sweep.subdivision or (base.views.level,)
+    samples = sweep.samples or (base.sampling.count,)
+    resolutions = sweep.resolution or (base.map.side,)
     return [BakeSize(*combination) for combination in product(samples, resolutions, subdivisions)]
 
 

@@ -1,0 +1,22 @@
+"""What the plan of a bake has cost, from the maps that it made."""
+
+from __future__ import annotations
+
+from statistics import median
+
+from rsibr.planning.costs import Costs
+from rsibr.store.manifest import Manifest
+
+BAKED = "measured: median seconds and bytes of the maps of this bake; `rsibr plan` measures what is absent here"
+
+
+def baked_costs(manifest: Manifest, views: int) -> Costs:
+    """Costs of a map, from the maps of a finished bake; `views`: how many the config asked for."""
+    apart = manifest.views[: min((lobe.views or views for lobe in manifest.lobes), default=views)]
+    return Costs(
+        views=views,
+        lobes=max(1, len(manifest.lobes)),
+        seconds=median(state.seconds or 0.0 for state in manifest.views),
+        bytes=round(median(state.bytes or 0 for state in apart)),
+        source=BAKED,
+    )

@@ -1,0 +1,27 @@
+"""What a manifest holds of a lobe."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.lobes.split import Lobe
+from rsibr.planning.plan import Plan
+from rsibr.store.manifest import LobeRecord, ProxyRecord
+
+
+def lobe_record(lobe: Lobe, plan: Plan) -> LobeRecord:
+    """Record a lobe, its numbers rounded to six digits, and how many views keep it apart."""
+    proxy = lobe.proxy
+    terms = () if proxy is None else zip(proxy.alphas, proxy.coefficients, strict=True)
+    return LobeRecord(
+        name=lobe.name,
+        alpha=lobe.alpha,
+        albedo=_colours(lobe.albedo),
+        proxies=tuple(ProxyRecord(alpha=alpha, coefficients=_colours(values)) for alpha, values in terms),
+        views=next(planned.own_views for planned in plan.lobes if planned.name == lobe.name),
+    )
+
+
+def _colours(values: NDArray[np.float64]) -> tuple[tuple[float, float, float], ...]:
+    return tuple((r, g, b) for r, g, b in values.round(6).tolist())

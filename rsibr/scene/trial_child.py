@@ -1,0 +1,56 @@
+"""The process that `rsibr.scene.trial` starts: loads what a user wrote for Mitsuba, and may crash in doing so.
+
+`python -m rsibr.scene.trial_child` reads one config section as JSON from stdin, loads it with the code that the caller
+is about to use, and evaluates and samples it once.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from rsibr.errors import RsibrError
+from rsibr.scene.config import EnvironmentConfig, MaterialConfig
+from rsibr.scene.environment import load_environment
+from rsibr.scene.material import load_material
+
+_DIRECTIONS = 64
+
+
+def try_section(document: dict[str, dict[str, Any]]) -> None:
+    """Load the section that `document` holds, evaluate and sample it; raises as the loader does."""
+    context = {"base": Path.cwd()}
+    if "environment" in document:
+        load_environment(EnvironmentConfig.model_validate(document["environment"], context=context))
+        return  # which has looked at it from all sides
+    material = load_material(MaterialConfig.model_validate(document["material"], context=context))
+    _exercise(material.bsdf())
+
+
+def main() -> int:
+    """Run one trial; the exit code says nothing but that the process ended by itself."""
+    document = json.load(sys.stdin)
+    try:
+        try_section(document)
+    except (RsibrError, RuntimeError):  # said again, and better, by the process that asked
+        return 1
+    return 0
+
+
+def _exercise(bsdf: mi.BSDF) -> None:
+    u = dr.linspace(mi.Float, 0.01, 0.99, _DIRECTIONS)
+    si = dr.zeros(mi.SurfaceInteraction3f)
+    si.wi = mi.warp.square_to_cosine_hemisphere(mi.Point2f(u, dr.opaque(mi.Float, 0.5)))
+    context = mi.BSDFContext()
+    sample, weight = bsdf.sample(context, si, u, mi.Point2f(u, u))
+    dr.eval(weight, bsdf.eval(context, si, sample.wo), bsdf.pdf(context, si, sample.wo))
+    dr.sync_thread()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,77 @@
+"""A scene with the truth of the views that everything in it is judged at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.studies.config import JudgeConfig
+from rsibr.studies.lobes import lobe_truth
+from rsibr.studies.results import ReferenceRecord
+from rsibr.studies.scene import StudyScene
+from rsibr.studies.truth import Arrays, TruthStore, reference_of
+from rsibr.validation.flip import Exposures, exposures_for
+from rsibr.validation.metrics import noise_floor
+from rsibr.validation.reference import Reference
+
+
+@dataclass(eq=False)
+class JudgedScene:
+    """What pictures of a scene are compared with.
+
+    Attributes
+    ----------
+    scene : StudyScene
+    frames : sequence of ndarray, shape (3, 3)
+        Judged views.
+    judge : JudgeConfig
+    store : TruthStore
+        References on the disk.
+    """
+
+    scene: StudyScene
+    frames: Sequence[NDArray[np.float64]]
+    judge: JudgeConfig
+    store: TruthStore
+
+    @cached_property
+    def references(self) -> list[Reference]:
+        """Truth of each judged view."""
+        return [self.reference(frame) for frame in self.frames]
+
+    def reference(self, frame: NDArray[np.float64]) -> Reference:
+        """Truth of one view."""
+        return reference_of(self.scene, frame, self.judge.samples, self.store)
+
+    def lobe_truth(self, frame: NDArray[np.float64]) -> Arrays:
+        """Truth of each lobe in one view."""
+        return lobe_truth(self.scene, frame, self.judge.samples, self.store)
+
+    @cached_property
+    def exposures(self) -> Exposures:
+        """Exposures at which FLIP looks, from the mean radiance of all references."""
+        covered = [reference.mean[reference.coverage > 0] for reference in self.references]
+        return exposures_for(float(np.concatenate(covered).mean()))
+
+    def record(self) -> ReferenceRecord:
+        """Sum the references up, one in memory at a time."""
+        seconds, floors = [], []
+        for frame in self.frames:
+            reference = self.reference(frame)
+            seconds.append(reference.seconds)
+            floors.append(noise_floor(reference))
+        return ReferenceRecord(
+            samples=reference.samples,
+            buffers=len(reference.buffers),
+            sampler=reference.sampler,
+            seconds=sum(seconds),
+            noise_floor=float(np.mean(floors)),
+        )
+
+    def forget(self) -> None:
+        """Let go of the references in memory; those on the disk stay."""
+        self.__dict__.pop("references", None)

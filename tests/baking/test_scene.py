@@ -1,0 +1,162 @@
+"""The prepared scene: every part of it is made once, whoever asks, and a finished bake asks for none."""
+
+import time
+from collections import Counter
+
+import numpy as np
+import pytest
+
+import rsibr
+from rsibr.baking import finished, parts
+from rsibr.baking.finished import finished_bake
+from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.scene import Scene
+from rsibr.lobes.split import LobeSplit
+from rsibr.scene.config import load_config
+from rsibr.validation.health import health
+from rsibr.validation.validation import validate
+
+CONFIG = """
+[environment]
+file = "{environment}"
+[material]
+preset = "glossy-plastic"
+[map]
+resolution = 16
+[sampling]
+samples = 16
+seed = 7
+"""
+LOADED = {"environment": 1, "material": 1}
+
+
+@pytest.fixture
+def config(tmp_path, asymmetric_environment):
+    path = tmp_path / "small.toml"
+    path.write_text(CONFIG.format(environment=asymmetric_environment))
+    return path
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """Count how often each part of a scene is made."""
+    counts = Counter()
+
+    def counted(place, name, label):
+        real = getattr(place, name)
+
+        def call(*arguments, **keywords):
+            counts[label] += 1
+            return real(*arguments, **keywords)
+
+        monkeypatch.setattr(place, name, call)
+
+    counted(parts, "load_environment", "environment")
+    counted(health, "load_environment", "environment")
+    counted(parts, "load_material", "material")
+    counted(parts, "probe_scene", "probes")
+    counted(parts, "light_of", "light")
+    counted(LobeSplit, "of", "fit")
+    counted(SphereIntegrator, "__init__", "integrator")
+    counted(rsibr.baking.scene, "make_plan", "plan")
+    return counts
+
+
+def test_one_bake_makes_each_part_once(config, tmp_path, made):
+    rsibr.bake(config, out=tmp_path / "b.rsibr")
+    assert made == LOADED | {"probes": 1, "fit": 1, "plan": 1, "light": 1, "integrator": 1}
+
+
+def test_a_budget_bake_makes_each_part_once_for_choice_bake_and_what_was_reached(config, tmp_path, made):
+    """The choice, the bake and the judgement each have a plan of their own, of the one set of probes."""
+    baked = rsibr.bake(config, out=tmp_path / "b.rsibr", overrides=["budget.error=0.2"])
+    assert baked.manifest.budget.reached_error is not None
+    assert made.pop("plan") == 3
+    assert made == LOADED | {"probes": 1, "fit": 1, "light": 1, "integrator": 1}
+
+
+def test_one_validation_loads_once_and_fits_once(config, tmp_path, made):
+    baked = rsibr.bake(config, out=tmp_path / "b.rsibr")
+    made.clear()
+    found = validate(baked, views=[[1, 2, 3]], samples=64)
+    assert found.lobe_summary
+    assert made == LOADED | {"fit": 1, "integrator": 1}
+
+
+def test_a_validation_of_a_prepared_scene_loads_nothing(config, tmp_path, made):
+    baked = rsibr.bake(config, out=tmp_path / "b.rsibr")
+    scene = Scene.prepare(config)
+    made.clear()
+    validate(baked, views=[[1, 2, 3]], samples=64, methods=["nearest"], lobes=False, scene=scene)
+    assert not made
+
+
+@pytest.mark.parametrize(
+    "overrides", [[], ["budget.error=0.2"], ["sampling.samples=auto", "sampling.target_error=0.1"]]
+)
+def test_a_finished_bake_called_again_makes_nothing_and_is_quick(config, tmp_path, made, overrides):
+    first = rsibr.bake(config, out=tmp_path / "b.rsibr", overrides=overrides)
+    made.clear()
+    start = time.process_time()  # of all threads: a busy machine does not lengthen it
+    again = rsibr.bake(config, out=tmp_path / "b.rsibr", overrides=overrides)
+    assert time.process_time() - start < 1
+    assert not made
+    assert again.manifest == first.manifest
+
+
+def test_what_was_left_open_stays_so_in_the_manifest_which_bakes_and_plans_again(config, tmp_path, made):
+    overrides = ["map.resolution=auto", "sampling.samples=8", "effects.resolution=off"]
+    baked = rsibr.bake(config, out=tmp_path / "b.rsibr", overrides=overrides)
+    assert baked.config == load_config(config, overrides).to_dict()
+    assert baked.config["map"] == {"resolution": "auto"}
+    assert baked.resolution == rsibr.plan(baked.config).resolution < 256
+    made.clear()
+    assert rsibr.bake(baked.config, out=baked.path).manifest == baked.manifest
+    assert not made
+
+
+def test_what_is_not_the_same_bake_is_not_finished(config, tmp_path, gradient_sky, monkeypatch):
+    settings = load_config(config)
+    baked = rsibr.bake(settings, out=tmp_path / "b.rsibr")
+    assert finished_bake(settings, baked.path) is not None
+    assert finished_bake(settings, tmp_path / "none.rsibr") is None
+    assert finished_bake(load_config(config, ["sampling.seed=8"]), baked.path) is None
+    assert finished_bake(settings, baked.path, {"environment": "another"}) is None
+    with monkeypatch.context() as patch:
+        patch.setattr(finished, "package_versions", lambda: dict.fromkeys(finished.RECORDED, "0"))
+        assert finished_bake(settings, baked.path) is None
+    (baked.path / "maps" / "view_0003.exr").unlink()
+    assert finished_bake(settings, baked.path) is None
+
+
+def test_files_that_have_changed_are_noticed(config, tmp_path, gradient_sky, asymmetric_environment):
+    sky, paint, views = tmp_path / "sky.exr", tmp_path / "paint.xml", tmp_path / "views.json"
+    sky.write_bytes(asymmetric_environment.read_bytes())
+    paint.write_text('<bsdf version="3.0.0" type="roughconductor"><float name="alpha" value="0.3"/></bsdf>')
+    octahedron = np.vstack([np.eye(3), -np.eye(3)])
+    views.write_text(f'{{"directions": {octahedron.tolist()}}}')
+    keys = [f"environment.file={sky}", f"material.file={paint}", f"views.file={views}"]
+    settings = load_config(config, keys)
+    baked = rsibr.bake(settings, out=tmp_path / "b.rsibr")
+    for file, content in (
+        (sky, gradient_sky.read_bytes()),
+        (paint, paint.read_bytes().replace(b"0.3", b"0.2")),
+        (views, f'{{"directions": {octahedron[::-1].tolist()}}}'.encode()),
+    ):
+        assert finished_bake(settings, baked.path) is not None
+        before = file.read_bytes()
+        file.write_bytes(content)
+        assert finished_bake(settings, baked.path) is None
+        file.write_bytes(before)
+
+
+def test_a_scene_of_another_size_shares_what_no_size_decides(config, made):
+    scene = Scene.prepare(config)
+    other = scene.resized(load_config(config, ["map.resolution=32", "sampling.samples=64"]))
+    assert (scene.resolution, other.resolution) == (16, 32)
+    assert other.light is scene.light
+    assert other.lobes is scene.lobes
+    assert [s.integrator.coverage.shape[0] for s in (scene, other)] == [16, 32]
+    assert made == LOADED | {"probes": 1, "fit": 1, "plan": 2, "light": 1, "integrator": 1}
+    with pytest.raises(ValueError, match="the material"):
+        scene.resized(load_config(config, ["material.preset=matte-lambert"]))
