@@ -1,7 +1,12 @@
-"""Chooses and checks the Mitsuba variant; the only place that sets it.
+"""Chooses, checks and gives back the Mitsuba variant; the only place that sets it.
 
 A variant is a device and what a kernel carries along a path: linear RGB, or in spectral rendering radiance at sampled
 wavelengths, or Mueller matrices of that. Everything runs in RGB but what stands in a `rendering` block.
+
+The variant is a global of the process, shared by all threads (`mi.set_variant` exchanges the contents of the module
+`mitsuba`), and belongs to the user: every public function works in a `session` and puts the user's variant back.
+Mitsuba's objects stay usable while another variant is set, for each carries its own classes; only what is looked up in
+the module (`mi.Float`, `mi.load_dict`) changes.
 
 Mitsuba and Dr.Jit fall back silently (CUDA to LLVM to scalar) and, with a libLLVM older than 17, abort the process in
 the middle of a render. Here neither happens: the backend is checked before the first kernel and a lack is an error that
@@ -10,14 +15,16 @@ says how to mend it.
 
 from __future__ import annotations
 
-import functools
 import os
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
+from contextvars import ContextVar, copy_context
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar
+from functools import partial, wraps
+from inspect import isgeneratorfunction
+from threading import Lock, get_ident
+from typing import Any, Literal, ParamSpec, TypeVar, cast
 
 import drjit as dr
 import mitsuba as mi
@@ -42,8 +49,36 @@ INSTALL_LLVM = (
 )
 
 _rendering: ContextVar[Rendering] = ContextVar("rendering", default="rgb")
+
+_choices: dict[tuple[Device | None, str, Rendering], str] = {}
+"""Variant for a device, a value of `RSIBR_DEVICE` and a rendering: looking at the machine takes its microseconds."""
+
 _registrations: list[Callable[[], None]] = []
-_registered_variants: set[str] = set()
+_registered: dict[str, int] = {}
+"""How many of `_registrations` have been called, for each variant."""
+
+
+@dataclass
+class _Occupancy:
+    """Who is in a session: the variant of all threads is one.
+
+    Attributes
+    ----------
+    depths : dict
+        Nested sessions of each thread that is in one, by its identifier.
+    users : str or None
+        The variant that was set before the first of them.
+    """
+
+    depths: dict[int, int]
+    users: str | None = None
+
+
+_occupancy = _Occupancy({})
+_lock = Lock()
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 
 @dataclass(frozen=True)
@@ -110,11 +145,74 @@ def use(device: Device | None = None) -> str:
     MachineError
         If the device does not work here, or libLLVM is missing or older than `MINIMUM_LLVM`. Never falls back.
     """
-    variant = variant_name(_working_device(device or _device_from_environment()), _rendering.get())
+    variant = _chosen(device)
     if mi.variant() != variant:
         mi.set_variant(variant)
-    _register_plugins(variant)
+    if _registered.get(variant) != len(_registrations):
+        _register_plugins(variant)
     return variant
+
+
+class session:  # noqa: N801  # reads as the context managers of contextlib do, and is quicker
+    """Work in rsibr's variant inside the block; afterwards, also after an exception, the user's is set again.
+
+    Sessions nest, and take a few microseconds where the variant is the right one already; a change of variants takes
+    0.05 s. A session inside another one, or inside a `rendering` block, keeps the device and the rendering in use.
+
+    `with session() as variant` gives the name of the variant that is now set, for example `"llvm_ad_rgb"`.
+
+    Raises
+    ------
+    InputError, MachineError
+        As `use`. The variant is then as it was.
+
+    Notes
+    -----
+    Mitsuba cannot go back to having no variant. Where none was set before, rsibr's RGB variant stays: it hides nothing,
+    for without a variant nothing could have been made, and the user's own `mi.set_variant` works as before.
+
+    The variant is shared by all threads. While several are in sessions, the user's is set again when the last one
+    leaves. A thread that uses Mitsuba in another variant at the same time, or renders spectra beside one that renders
+    RGB, needs a process of its own. Callbacks that a user hands in are called in rsibr's variant.
+
+    Examples
+    --------
+    >>> import mitsuba as mi
+    >>> before = mi.variant()
+    >>> with session() as variant:
+    ...     assert mi.variant() == variant
+    >>> mi.variant() in (before, variant)
+    True
+    """
+
+    __slots__ = ("_before",)
+
+    def __enter__(self) -> str:
+        self._before, is_nested = _enter()
+        try:
+            return use(_device_in_use() if is_nested else None)
+        except BaseException:
+            _leave(self._before)
+            raise
+
+    def __exit__(self, *_: object) -> None:
+        _leave(self._before)
+
+
+def in_session(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Decorate a function so that every call is a `session`; name, signature and docstring stay.
+
+    Of a generator function each step is a session of its own: between the steps the user's variant is set.
+    """
+    if isgeneratorfunction(function):
+        return cast("Callable[_P, _R]", _stepwise(function))
+
+    @wraps(function)
+    def within(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        with session():
+            return function(*args, **kwargs)
+
+    return within
 
 
 @contextmanager
@@ -122,7 +220,8 @@ def rendering(kind: Rendering) -> Iterator[str]:
     """Render otherwise inside the block: the variant of `kind` on the device in use, and that of before afterwards.
 
     Mitsuba's objects belong to the variant that they were made in: make scenes and BSDFs inside, and use them in a
-    block of the same kind. Arrays and vectors are the same in all.
+    block of the same kind. Arrays and vectors are the same in all. What `session` says of threads, and of no variant
+    before, holds here too.
 
     Yields
     ------
@@ -134,32 +233,13 @@ def rendering(kind: Rendering) -> Iterator[str]:
     InputError, MachineError
         As `use`; also where Mitsuba was built without the variant.
     """
-    before = _rendering.set(kind)
+    outer = _rendering.set(kind)
+    before, _ = _enter()
     try:
         yield use(_device_in_use())
     finally:
-        _rendering.reset(before)
-        use(_device_in_use())
-
-
-@contextmanager
-def session() -> Iterator[str]:
-    """Run the block in rsibr's variant."""
-    yield use(_device_in_use())
-
-
-_F = TypeVar("_F", bound=Callable[..., Any])
-
-
-def in_session(function: _F) -> _F:
-    """Run a function in a `session`."""
-
-    @functools.wraps(function)
-    def run(*args: Any, **kwargs: Any) -> Any:
-        with session():
-            return function(*args, **kwargs)
-
-    return run  # type: ignore[return-value]
+        _rendering.reset(outer)
+        _leave(before)
 
 
 def current_rendering() -> Rendering:
@@ -178,7 +258,6 @@ def variant_name(device: Device, kind: Rendering) -> str:
 def on_variant(register: Callable[[], None]) -> Callable[[], None]:
     """Have `register` called once for each variant that `use` sets: Mitsuba registers plugins per variant."""
     _registrations.append(register)
-    _registered_variants.clear()
     return register
 
 
@@ -187,18 +266,82 @@ def synchronize() -> None:
     dr.sync_thread()
 
 
+def _chosen(device: Device | None) -> str:
+    key = (device, os.environ.get("RSIBR_DEVICE", ""), _rendering.get())
+    if key not in _choices:
+        _choices[key] = variant_name(_working_device(device or _device_from_environment()), _rendering.get())
+    return _choices[key]
+
+
 def _register_plugins(variant: str) -> None:
-    if variant in _registered_variants:
-        return
-    for register in _registrations:
+    for register in _registrations[_registered.get(variant, 0) :]:
         register()
-    _registered_variants.add(variant)
+        _registered[variant] = _registered.get(variant, 0) + 1
+
+
+def _enter() -> tuple[str | None, bool]:
+    """Note that this thread begins a session; the variant at its start, and whether it is nested in another."""
+    thread = get_ident()
+    with _lock:
+        variant = mi.variant()
+        if not _occupancy.depths:
+            _occupancy.users = variant
+        depth = _occupancy.depths.get(thread, 0)
+        _occupancy.depths[thread] = depth + 1
+    return variant, depth > 0
+
+
+def _leave(before: str | None) -> None:
+    """Note that a session ends, and set the variant of before it, unless another thread still needs this one."""
+    thread = get_ident()
+    with _lock:
+        depth = _occupancy.depths.pop(thread) - 1
+        if depth:
+            _occupancy.depths[thread] = depth
+            _set_back(before)
+        elif not _occupancy.depths:
+            _set_back(_occupancy.users)
+
+
+def _set_back(variant: str | None) -> None:
+    if variant is not None and mi.variant() != variant:
+        mi.set_variant(variant)
+    if variant is None and mi.variant() is not None:
+        use(_device_in_use())  # no spectral variant stays behind
+
+
+def _stepwise(function: Callable[..., Generator[Any, Any, Any]]) -> Callable[..., Generator[Any, Any, Any]]:
+    """Wrap a generator function; its `rendering` blocks do not reach the code that its steps are handed to."""
+
+    @wraps(function)
+    def steps(*args: Any, **kwargs: Any) -> Generator[Any, Any, Any]:
+        generator, context = function(*args, **kwargs), copy_context()
+        step: Callable[[], Any] = partial(next, generator)
+        try:
+            while True:
+                try:
+                    item = context.run(_in_own_session, step)
+                except StopIteration as end:
+                    return end.value
+                try:
+                    step = partial(generator.send, (yield item))
+                except Exception as error:  # thrown in by who iterates: the generator's to handle
+                    step = partial(generator.throw, error)
+        finally:
+            context.run(_in_own_session, generator.close)
+
+    return steps
+
+
+def _in_own_session(step: Callable[[], _R]) -> _R:
+    with session():
+        return step()
 
 
 def _device_in_use() -> Device | None:
     """The device of the variant that is set, so that a block does not leave it; None before the first."""
-    variant = mi.variant() or ""
-    return next((device for device in VARIANT_OF if variant.startswith(f"{device}_ad_")), None)
+    device = (mi.variant() or "").partition("_ad_")[0]
+    return device if device in VARIANT_OF else None
 
 
 def _device_from_environment() -> Device | None:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
+import timeit
+from inspect import signature
 from pathlib import Path
 
 import mitsuba as mi
@@ -24,7 +27,8 @@ def pretend(monkeypatch, *, cuda=False, llvm=None):
     monkeypatch.setattr(mi, "set_variant", variants.append)
     monkeypatch.setattr(mi, "variant", lambda: variants[-1] if variants else None)
     monkeypatch.setattr(backend, "_registrations", [])
-    monkeypatch.setattr(backend, "_registered_variants", set())
+    monkeypatch.setattr(backend, "_registered", {})
+    monkeypatch.setattr(backend, "_choices", {})
     monkeypatch.delenv("RSIBR_DEVICE", raising=False)
     return variants
 
@@ -149,7 +153,150 @@ def test_a_mitsuba_without_the_variant_is_said(monkeypatch):
     monkeypatch.setattr(mi, "variants", lambda: ["llvm_ad_rgb"])
     with pytest.raises(MachineError, match="no variant llvm_ad_spectral"), backend.rendering("spectral"):
         pass
+    assert mi.variant() is None
+
+
+@pytest.mark.parametrize("users", ["scalar_rgb", "llvm_ad_spectral", "llvm_ad_rgb"])
+def test_a_session_gives_back_the_users_variant(users, monkeypatch):
+    variants = pretend(monkeypatch, llvm=(19, 1, 7))
+    mi.set_variant(users)
+    with backend.session() as variant:
+        assert variant == mi.variant() == "llvm_ad_rgb"
+        with backend.session(), backend.rendering("spectral"), backend.session() as inner:
+            assert inner == mi.variant() == "llvm_ad_spectral"
+        assert mi.variant() == "llvm_ad_rgb"
+    assert mi.variant() == users
+    changes = len(variants)
+    with pytest.raises(ZeroDivisionError), backend.session():
+        raise ZeroDivisionError
+    assert mi.variant() == users
+    assert (len(variants) == changes) == (users == "llvm_ad_rgb")  # what is set already is not set again
+
+
+def test_a_session_keeps_the_device_in_use(monkeypatch):
+    pretend(monkeypatch, cuda=True, llvm=(19, 1, 7))
+    with backend.session():
+        assert mi.variant() == "cuda_ad_rgb"
+        backend.use("llvm")
+        with backend.session():
+            assert mi.variant() == "llvm_ad_rgb"
+    mi.set_variant("scalar_rgb")
+    with backend.rendering("spectral"), backend.session():
+        assert mi.variant() == "cuda_ad_spectral"
+    assert mi.variant() == "scalar_rgb"
+
+
+def test_a_session_that_cannot_begin_leaves_the_variant(monkeypatch):
+    pretend(monkeypatch)
+    mi.set_variant("scalar_rgb")
+    for _ in range(2):  # and is left, so that the next one is the outermost again
+        with pytest.raises(MachineError, match="libLLVM"), backend.session():
+            pass
+        assert mi.variant() == "scalar_rgb"
+
+
+def test_after_no_variant_no_spectral_one_stays(monkeypatch):
+    pretend(monkeypatch, llvm=(19, 1, 7))
+    with backend.rendering("spectral"):
+        assert mi.variant() == "llvm_ad_spectral"
     assert mi.variant() == "llvm_ad_rgb"
+
+
+def test_a_callback_that_sets_a_variant_finds_it_after_a_session_of_its_own(monkeypatch):
+    pretend(monkeypatch, llvm=(19, 1, 7))
+    mi.set_variant("scalar_spectral")
+    with backend.session():
+        mi.set_variant("scalar_rgb")
+        with backend.session():
+            assert mi.variant() == "llvm_ad_rgb"
+        assert mi.variant() == "scalar_rgb"
+    assert mi.variant() == "scalar_spectral"
+
+
+def test_the_last_thread_that_leaves_gives_the_variant_back(monkeypatch):
+    pretend(monkeypatch, llvm=(19, 1, 7))
+    mi.set_variant("scalar_rgb")
+    inside, first_has_left, seen = threading.Event(), threading.Event(), []
+
+    def work():
+        with backend.session():
+            inside.set()
+            first_has_left.wait(10)
+            seen.append(mi.variant())
+
+    worker = threading.Thread(target=work)
+    with backend.session():
+        worker.start()
+        assert inside.wait(10)
+    first_has_left.set()
+    worker.join()
+    assert seen == ["llvm_ad_rgb"]
+    assert mi.variant() == "scalar_rgb"
+
+
+def test_a_decorated_function_stays_itself_and_works_in_a_session(monkeypatch):
+    pretend(monkeypatch, llvm=(19, 1, 7))
+    mi.set_variant("scalar_rgb")
+
+    @backend.in_session
+    def scaled(x: float, *, by: float = 2.0) -> tuple[float, str]:
+        """Scale."""
+        return x / (1 / by), mi.variant()
+
+    assert scaled(3.0) == (6.0, "llvm_ad_rgb")
+    assert str(signature(scaled)) == "(x: 'float', *, by: 'float' = 2.0) -> 'tuple[float, str]'"
+    assert (scaled.__doc__, scaled.__name__, scaled.__module__) == ("Scale.", "scaled", __name__)
+    with pytest.raises(ZeroDivisionError):
+        scaled(1.0, by=0.0)
+    assert mi.variant() == "scalar_rgb"
+
+
+def test_between_the_steps_of_a_generator_the_users_variant_is_set(monkeypatch):
+    pretend(monkeypatch, llvm=(19, 1, 7))
+    mi.set_variant("scalar_rgb")
+    ended = []
+
+    @backend.in_session
+    def steps():
+        try:
+            with backend.rendering("spectral"):
+                sent = yield mi.variant()
+                try:
+                    yield sent, mi.variant()
+                except KeyError:
+                    yield "caught", mi.variant()
+            yield mi.variant()
+        finally:
+            ended.append(mi.variant())
+
+    def at_rest():
+        assert mi.variant() == "scalar_rgb"
+        assert backend.current_rendering() == "rgb"
+
+    generator = steps()
+    at_rest()
+    assert next(generator) == "llvm_ad_spectral"
+    at_rest()
+    assert generator.send(7) == (7, "llvm_ad_spectral")
+    at_rest()
+    assert generator.throw(KeyError()) == ("caught", "llvm_ad_spectral")
+    assert next(generator) == "llvm_ad_rgb"
+    at_rest()
+    generator.close()
+    assert ended == ["llvm_ad_rgb"]
+    at_rest()
+    assert next(iter(list(steps()))) == "llvm_ad_spectral"
+    at_rest()
+
+
+def test_a_session_takes_next_to_no_time_where_the_variant_is_right():
+    backend.use()
+
+    def once():
+        with backend.session():
+            pass
+
+    assert min(timeit.repeat(once, number=1000, repeat=20)) / 1000 < 50e-6  # 4 on a quiet machine
 
 
 def test_importing_rsibr_sets_no_variant():

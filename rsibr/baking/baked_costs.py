@@ -10,13 +10,24 @@ from rsibr.store.manifest import Manifest
 BAKED = "measured: median seconds and bytes of the maps of this bake; `rsibr plan` measures what is absent here"
 
 
-def baked_costs(manifest: Manifest, views: int) -> Costs:
-    """Costs of a map, from the maps of a finished bake; `views`: how many the config asked for."""
+def baked_costs(manifest: Manifest, views: int, wall_seconds: float) -> Costs:
+    """Costs of a finished bake and of one of its maps.
+
+    Parameters
+    ----------
+    manifest : Manifest
+        With all views done.
+    views : int
+        How many the config asked for.
+    wall_seconds : float
+        Wall time of the bake [s].
+    """
     apart = manifest.views[: min((lobe.views or views for lobe in manifest.lobes), default=views)]
     return Costs(
         views=views,
         lobes=max(1, len(manifest.lobes)),
         seconds=median(state.seconds or 0.0 for state in manifest.views),
         bytes=round(median(state.bytes or 0 for state in apart)),
+        overhead_seconds=max(0.0, wall_seconds - manifest.seconds),
         source=BAKED,
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr import backend
+from rsibr import backend, clock
 from rsibr.baking.baked_costs import baked_costs
 from rsibr.baking.blocks import Blocks, estimate
 from rsibr.baking.finished import DECISIVE, finished_bake, package_versions
@@ -40,6 +40,7 @@ RETROREFLECTIVE = (
 )
 
 
+@backend.in_session
 def bake(
     config: ConfigLike | Scene,
     *,
@@ -86,15 +87,15 @@ def bake(
     MachineError
         If the machine has no usable backend, or the disk is full.
     """
-    begun = time.perf_counter()
-    if not isinstance(config, Scene):
-        settings = config_of(config, overrides)
-        if not fresh and (found := finished_bake(settings, out)) is not None:
-            return found
-        config = Scene.prepare(settings)
-    if config.config.budget is not None:
-        raise ValueError("a budget is decided on before its bake")
-    return _bake_scene(config, Path(out), begun, fresh, on_progress, budget, steering or Steering())
+    with clock.counting() as begun:
+        if not isinstance(config, Scene):
+            settings = config_of(config, overrides)
+            if not fresh and (found := finished_bake(settings, out)) is not None:
+                return found
+            config = Scene.prepare(settings)
+        if config.config.budget is not None:
+            raise ValueError("a budget is decided on before its bake")
+        return _bake_scene(config, Path(out), begun, fresh, on_progress, budget, steering or Steering())
 
 
 def _bake_scene(
@@ -107,6 +108,8 @@ def _bake_scene(
     steering: Steering,
 ) -> Bake:
     sampler = Sampler(scene.integrator, scene.frames, scene.config.sampling, steering)
+    if scene.config.sampling.time_budget_s is not None:
+        _ = scene.light  # made before the samples are chosen: what is left of the time is known then
     with backend.rendering(scene.rendering):
 
         def manifest(found: Manifest | None) -> Manifest:
@@ -117,9 +120,15 @@ def _bake_scene(
             if not writer.has_light:
                 writer.commit_light(scene.light)
             _bake_views(writer, sampler, on_progress)
-            costs = baked_costs(writer.manifest, len(scene.all_around))
-            writer.record_plan(priced(scene.plan, costs, scene.config.map.side))
+            _record_end(writer, scene, begun)
     return open_bake(out)
+
+
+def _record_end(writer: BakeWriter, scene: Scene, begun: float) -> None:
+    """Record what the bake cost; a run that found everything done has nothing to add."""
+    seconds = max(0.0, time.perf_counter() - begun)  # no clock that jumps may cost a bake
+    costs = baked_costs(writer.manifest, len(scene.all_around), writer.manifest.wall_seconds + seconds)
+    writer.record_end(priced(scene.plan, costs, scene.config.map.side), seconds)
 
 
 def plan_manifest(

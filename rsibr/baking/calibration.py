@@ -56,13 +56,15 @@ def calibrate(scene: Scene, samples: int) -> Costs:
         kernels["one_lobe"] = scene.integrator_with(replace(options, left_out=()), keeps_apart=False)
     if other is not None:
         kernels["other_rendering"] = scene.integrator_with(options, rendering=other)
+    seconds, compilation = _map_seconds(kernels, samples)
     return Costs(
         views=len(scene.all_around),
         lobes=len(planned.lobe_names),
         bytes=_map_bytes(planned),
         other_colour_bytes=_map_bytes(kernels["other_colour"]),
+        overhead_seconds=compilation + len(scene.viewpoints) * map_overhead(planned),
         source=SOURCE,
-        **_map_seconds(kernels, samples),
+        **seconds,
     )
 
 
@@ -73,14 +75,14 @@ def _other_rendering(plan: Plan) -> Rendering | None:
     return "spectral" if plan["spectral"].evidence > 0 else None
 
 
-def _map_seconds(kernels: dict[str, SphereIntegrator], samples: int) -> dict[str, float]:
-    """Seconds of a map by each kernel, from launches of no more than `MAX_LANES` samples."""
+def _map_seconds(kernels: dict[str, SphereIntegrator], samples: int) -> tuple[dict[str, float], float]:
+    """Seconds of a map by each kernel, from launches of at most `MAX_LANES` samples; and those to compile the first."""
     blocks = block_sizes(samples)
     count = int(blocks.counts)
     texels = int(np.count_nonzero(next(iter(kernels.values())).coverage))
     each = max(1, min(blocks.size, MAX_LANES // texels))
     frame = view_frame(np.array([1.0, 2.0, 3.0]))
-    shortest = dict.fromkeys(kernels, math.inf)
+    shortest, compiled = dict.fromkeys(kernels, math.inf), list[float]()
     for run in range(-1, RUNS):  # in turn: a machine that is busy for a while is so for all of them
         for name, kernel in kernels.items():
             with backend.rendering(kernel.rendering):
@@ -90,8 +92,11 @@ def _map_seconds(kernels: dict[str, SphereIntegrator], samples: int) -> dict[str
                 seconds = time.perf_counter() - start
             if run >= 0:
                 shortest[name] = min(shortest[name], seconds)
+            else:
+                compiled.append(seconds)
     scale = blocks.size * count / each
-    return {name: seconds * scale for name, seconds in shortest.items()}
+    compilation = max(0.0, compiled[0] - next(iter(shortest.values())))
+    return {name: seconds * scale for name, seconds in shortest.items()}, compilation
 
 
 def sample_seconds(integrator: SphereIntegrator, size: int) -> float:

@@ -14,6 +14,7 @@ from rsibr.geometry.viewpoints import witness
 from rsibr.scene.config import Config, ViewsConfig
 from rsibr.scene.environment import environment_digest
 from rsibr.scene.material import material_digest
+from rsibr.scene.python_plugins import load_plugins
 from rsibr.scene.views import load_viewpoints
 from rsibr.store.bake import Bake, open_bake
 from rsibr.store.manifest import MANIFEST_NAME, Manifest
@@ -77,6 +78,7 @@ def _is_of(manifest: Manifest, config: Config, digests: dict[str, str] | None) -
 
 
 def _digests(config: Config) -> dict[str, str]:
+    load_plugins(config.plugin_modules)  # their source is part of the content
     return {"environment": environment_digest(config.environment), "material": material_digest(config.material)}
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
-from rsibr import backend
+from rsibr import backend, clock
 from rsibr.baking.calibration import calibrate
 from rsibr.baking.sampling import Sampler
 from rsibr.baking.scene import Scene
@@ -15,6 +16,7 @@ from rsibr.scene.config import ConfigLike
 from rsibr.store.manifest import SamplingRecord
 
 
+@backend.in_session
 def plan(config: ConfigLike, *, overrides: Sequence[str] = ()) -> Plan:
     """Say which effects a scene calls for, with the evidence, the cost and what leaving each out would do.
 
@@ -37,8 +39,8 @@ def plan(config: ConfigLike, *, overrides: Sequence[str] = ()) -> Plan:
     MachineError
         If the machine has no usable backend.
     """
-    begun = time.perf_counter()
-    return forecast(Scene.prepare(config, overrides), begun)[0]
+    with clock.counting() as begun:
+        return forecast(Scene.prepare(config, overrides), begun)[0]
 
 
 def forecast(scene: Scene, begun: float) -> tuple[Plan, SamplingRecord | None]:
@@ -51,8 +53,12 @@ def forecast(scene: Scene, begun: float) -> tuple[Plan, SamplingRecord | None]:
         When the work on it began, by `time.perf_counter`: a budget of seconds runs from there.
     """
     asked, sampling = scene.config.sampling, None
+    # What a bake does before its first view and after its last
+    _ = scene.plan, scene.integrator, scene.light
     if asked.decided_later:
         with backend.rendering(scene.rendering):
             sampling = Sampler(scene.integrator, scene.frames, asked).choose(begun)
+    overhead = time.perf_counter() - begun
     costs = calibrate(scene, sampling.samples if sampling else asked.count)
+    costs = replace(costs, overhead_seconds=overhead + costs.overhead_seconds)
     return priced(scene.plan, costs, scene.config.map.side), sampling

@@ -22,6 +22,7 @@ from rsibr.planning.planner import Probes, probe_scene
 from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment, load_environment
 from rsibr.scene.material import Material, load_material
+from rsibr.scene.python_plugins import load_plugins
 
 EVERYTHING = EstimateOptions()
 """What an estimate takes in by default."""
@@ -55,6 +56,7 @@ class SceneParts:
         """
         backend.use()
         start = time.perf_counter()
+        load_plugins(config.plugin_modules)
         parts = cls(load_environment(config.environment), load_material(config.material))
         parts._seconds.append(time.perf_counter() - start)
         return parts

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from rsibr import backend, clock
 from rsibr.baking.baker import bake as run_bake
 from rsibr.baking.finished import finished_bake
 from rsibr.baking.forecast import forecast
@@ -21,6 +21,7 @@ from rsibr.store.directory import claim_directory
 from rsibr.store.manifest import MANIFEST_NAME, BudgetRecord, Manifest, SamplingRecord, read_manifest
 
 
+@backend.in_session
 def bake(
     config: ConfigLike,
     *,
@@ -54,22 +55,24 @@ def bake(
     MachineError
         If the machine has no usable backend, or the disk is full.
     """
-    begun, path = time.perf_counter(), Path(out)
-    settings = config_of(config, overrides)
-    if settings.budget is None:
-        return run_bake(settings, out=path, fresh=fresh, on_progress=on_progress)
-    if not fresh and (found := finished_bake(settings, path)) is not None:
-        return found
-    claim_directory(path)
-    recorded = None if fresh else _recorded(path, settings)
-    scene = Scene.prepare(settings)
-    sized, record = recorded or choose(scene, begun)
-    baked = run_bake(scene.resized(sized), out=path, fresh=fresh, on_progress=on_progress, budget=record)
+    path = Path(out)
+    with clock.counting() as begun:
+        settings = config_of(config, overrides)
+        if settings.budget is None:
+            return run_bake(settings, out=path, fresh=fresh, on_progress=on_progress)
+        if not fresh and (found := finished_bake(settings, path)) is not None:
+            return found
+        claim_directory(path)
+        recorded = None if fresh else _recorded(path, settings)
+        scene = Scene.prepare(settings)
+        sized, record = recorded or choose(scene, begun)
+        baked = run_bake(scene.resized(sized), out=path, fresh=fresh, on_progress=on_progress, budget=record)
     if baked.manifest.budget and baked.manifest.budget.reached_seconds is None:
         _record_reached(baked, scene)
     return open_bake(path)
 
 
+@backend.in_session
 def plan(config: ConfigLike, *, overrides: Sequence[str] = ()) -> Plan:
     """Say what a bake would simulate, of the size that its budget would choose; see `rsibr.baking.forecast.plan`."""
     return planned(config, overrides)[0]
@@ -79,12 +82,12 @@ def planned(
     config: ConfigLike, overrides: Sequence[str] = ()
 ) -> tuple[Plan, SamplingRecord | None, BudgetRecord | None]:
     """Plan, and what a target, a time or a budget would choose. Nothing is baked."""
-    begun = time.perf_counter()
-    scene = Scene.prepare(config, overrides)
-    if scene.config.budget is None:
-        return (*forecast(scene, begun), None)
-    sized, record = choose(scene, begun)
-    return (*forecast(scene.resized(sized), time.perf_counter()), record)
+    with clock.counting() as begun:
+        scene = Scene.prepare(config, overrides)
+        if scene.config.budget is None:
+            return (*forecast(scene, begun), None)
+        sized, record = choose(scene, begun)
+        return (*forecast(scene.resized(sized), begun), record)
 
 
 def _recorded(path: Path, config: Config) -> tuple[Config, BudgetRecord] | None:
@@ -105,7 +108,7 @@ def _record_reached(baked: Bake, scene: Scene) -> None:
     def told(manifest: Manifest | None) -> Manifest:
         if manifest is None or manifest.budget is None:
             raise ValueError("the bake has no budget")
-        seconds = manifest.budget.choice_seconds + manifest.total_seconds
+        seconds = manifest.whole_seconds  # the choice is part of it
         reached = {"reached_error": found.value, "reached_ci95": found.ci95, "reached_seconds": seconds}
         return manifest.model_copy(update={"budget": manifest.budget.model_copy(update=reached)})
 

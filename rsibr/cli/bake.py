@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.options import Config, Json
+from rsibr.cli.options import Config, Imports, Json, imported
 
 
 def bake(
@@ -24,6 +24,7 @@ def bake(
         typer.Option(help="Clamp samples of more radiance than this: less noise, and a bias that `check` reports."),
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start anew, whatever OUT holds of an earlier bake.")] = False,
+    imports: Imports = None,
     json_output: Json = False,
 ) -> None:
     """Render the radiance sphere maps of all views. A bake that was killed goes on where it was."""
@@ -35,7 +36,8 @@ def bake(
 
     overrides = [*(overrides or ()), *(() if clamp is None else (f"sampling.clamp={clamp}",))]
 
-    settings, path = load_config(config, overrides), out or Path(f"{config.stem}.rsibr")
+    settings = load_config(config, overrides).with_plugins(imported(imports))
+    path = out or Path(f"{config.stem}.rsibr")
     known = None if fresh else finished_bake(settings, path)
     with bake_progress() as show:
         finished = known or run_bake(settings, out=path, fresh=fresh, on_progress=show)

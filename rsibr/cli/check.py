@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsibr.cli.options import BakePath, Json, check_output_folder
+from rsibr.cli.options import BakePath, Imports, Json, check_output_folder, imported
 
 if TYPE_CHECKING:
     from rsibr.validation.health.health import Finding, Health, Place
@@ -22,11 +22,13 @@ def check(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where to write health.html, health.json and pictures.")
     ] = None,
+    imports: Imports = None,
     json_output: Json = False,
 ) -> None:
     """Look for NaN, holes, fireflies, energy drift and half-float overflow in a bake; exit code 1 for the first two."""
     if out is not None:
         check_output_folder(out)
+    imported(imports)
     from rsibr.validation.health.check import check as run
     from rsibr.validation.health.health_document import HealthModel
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.options import Json
+from rsibr.cli.options import Imports, Json, imported
 from rsibr.cli.validate import print_validation
 
 VIEWS = 8
@@ -16,16 +16,19 @@ SAMPLES = 512
 
 def demo(
     out: Annotated[Path, typer.Option(help="Directory for the bake and the report.")] = Path("out/demo"),
+    imports: Imports = None,
     json_output: Json = False,
 ) -> None:
     """Bake a car paint under a real sky, reconstruct novel views, compare with path tracing, write a report."""
     from rsibr.baking.baker import bake
     from rsibr.cli.console import bake_progress, console, note_peculiarities, step_progress
     from rsibr.resources import configs
+    from rsibr.scene.config import load_config
     from rsibr.validation.validation import validate
 
+    settings = load_config(configs() / "demo.toml").with_plugins(imported(imports))
     with bake_progress() as show:
-        baked = bake(configs() / "demo.toml", out=out / "paint.rsibr", on_progress=show)
+        baked = bake(settings, out=out / "paint.rsibr", on_progress=show)
     note_peculiarities(baked)
     console.print(f"baked {baked.view_count} views of {baked.resolution}² in {baked.seconds:.1f} s: {baked.path}")
     with step_progress("validate") as step:

@@ -12,7 +12,39 @@ from rsibr.errors import InputError
 
 Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="Config file (TOML).", show_default=False)]
 BakePath = Annotated[Path, typer.Argument(metavar="BAKE", help="Directory of a bake.", show_default=False)]
+Imports = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--import",
+        metavar="MODULE",
+        help="A Python module, or FILE.py, that registers Mitsuba plugins; beside the config's own; repeatable.",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object; progress goes to stderr.")]
+
+
+def imported(modules: list[str] | None) -> tuple[str, ...]:
+    """Import modules that register Mitsuba plugins; return their names for a config, paths made absolute.
+
+    Raises
+    ------
+    InputError
+        If one is not there, raises an error, or registers nothing.
+    """
+    if not modules:
+        return ()
+    from pydantic import ValidationError
+
+    from rsibr.scene.config_errors import describe
+    from rsibr.scene.plugins_config import PluginsConfig
+    from rsibr.scene.python_plugins import load_plugins
+
+    try:
+        names = PluginsConfig(modules=tuple(modules)).modules
+    except ValidationError as error:
+        raise InputError("; ".join(describe(error, PluginsConfig)), where="--import") from None
+    load_plugins(names, where="--import")
+    return names
 
 
 def parse_view(text: str) -> tuple[float, float, float]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsibr.cli.options import Config, Json
+from rsibr.cli.options import Config, Imports, Json, imported
 
 if TYPE_CHECKING:
     from rsibr.planning.plan import Effect, Plan
@@ -21,14 +21,16 @@ def plan(
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the config.")
     ] = None,
+    imports: Imports = None,
     json_output: Json = False,
 ) -> None:
     """Say which effects a scene calls for, with evidence, cost, and the error of leaving each out. Bakes nothing."""
     from rsibr.baking.plan_document import PlanDocument
     from rsibr.budget.bake import planned
     from rsibr.cli.promises import chosen_lines
+    from rsibr.scene.config import load_config
 
-    made, sampling, budget = planned(config, overrides or ())
+    made, sampling, budget = planned(load_config(config, overrides or ()).with_plugins(imported(imports)))
     if json_output:
         typer.echo(PlanDocument.of(made, sampling, budget).to_json(), nl=False)
         return

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsibr.cli.options import Json, check_output_folder
+from rsibr.cli.options import Imports, Json, check_output_folder, imported
 
 if TYPE_CHECKING:
     from rsibr.progress import Progress
@@ -19,14 +19,17 @@ if TYPE_CHECKING:
 def study(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Config of the study (TOML).", show_default=False)],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Directory of the study: its report, bakes, references.")],
+    imports: Imports = None,
     json_output: Json = False,
 ) -> None:
     """Measure what accuracy costs in time: sweeps, convergence, fronts. A study that was killed goes on."""
     check_output_folder(out)
+    from rsibr.studies.config import load_study
     from rsibr.studies.runner import study as run
 
+    settings = load_study(config).with_plugins(imported(imports))
     with _progress() as show:
-        found = run(config, out=out, on_progress=show)
+        found = run(settings, out=out, on_progress=show)
     if json_output:
         typer.echo((out / "study.json").read_text(encoding="utf-8"), nl=False)
     else:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsibr.cli.options import BakePath, Json, check_output_folder, parse_view
+from rsibr.cli.options import BakePath, Imports, Json, check_output_folder, imported, parse_view
 
 if TYPE_CHECKING:
     from rsibr.validation.results import Validation
@@ -32,11 +32,13 @@ def validate(
         bool | None,
         typer.Option("--lobes/--no-lobes", help="Judge rsibr lobe by lobe; by default where there are several."),
     ] = None,
+    imports: Imports = None,
     json_output: Json = False,
 ) -> None:
     """Compare the methods with path-traced references at views that were not baked: errors, times, a report."""
     given = [parse_view(text) for text in view or ()]
     check_output_folder(out)
+    imported(imports)
     from rsibr.cli.console import step_progress
     from rsibr.validation.validation import validate as run
 

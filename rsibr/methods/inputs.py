@@ -150,8 +150,9 @@ class MethodInputs:
     def _get(self, name: str, make: Callable[[Any], _T]) -> _T:
         if name not in self._kept:
             outer, self._nested, start = self._nested, 0.0, time.perf_counter()
-            self._kept[name] = make(self)
-            backend.synchronize()
+            with backend.session():
+                self._kept[name] = make(self)
+                backend.synchronize()
             whole = time.perf_counter() - start
             self._seconds[name] = whole - self._nested  # what an input needs of another counts there
             self._nested = outer + whole

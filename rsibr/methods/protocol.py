@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr import backend
 from rsibr.geometry.projections.sphere_map import covered_middle, normal_from_disk, texel_centre, tiled_texels
 from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
 
@@ -150,6 +151,7 @@ class PointwiseMethod:
         """See `Method.eval`."""
         raise NotImplementedError
 
+    @backend.in_session
     def map(self, frame: NDArray[np.float64], resolution: int) -> mi.TensorXf:
         """See `Method.map`."""
         columns = mi.Float(frame.T.ravel().tolist())

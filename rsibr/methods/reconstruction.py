@@ -57,6 +57,7 @@ class Reconstruction:
         write_map(Path(path), MapFile(self.view, self.frame, {"radiance": self.image}, None, coverage))
 
 
+@backend.in_session
 def reconstruct(
     bake: Bake | Path | str, view: ArrayLike, *, method: str | None = None, resolution: int | None = None
 ) -> Reconstruction:
@@ -93,6 +94,7 @@ def reconstruct(
     return run(MethodSet(opened)[method or default_method(opened)], frame, resolution or opened.resolution)
 
 
+@backend.in_session
 def run(method: Method, frame: NDArray[np.float64], resolution: int) -> Reconstruction:
     """Run a method for one view, and time it.
 

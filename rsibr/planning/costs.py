@@ -27,6 +27,8 @@ class Costs:
         Render times of a map [s] without the split into lobes; with three channels if one is planned, or vice versa;
         with light sampling if it is not planned, or vice versa; in RGB if spectra are planned, or vice versa. None if
         not measured.
+    overhead_seconds : float
+        Time of the whole bake beside its maps [s]: start-up, loading, probes, compilation, the light, storing.
     other_colour_bytes : int or None
         Size of a map with three channels if one is planned, or vice versa. None if not measured.
     source : str
@@ -42,6 +44,7 @@ class Costs:
     other_sampling: float | None = None
     other_rendering: float | None = None
     other_colour_bytes: int | None = None
+    overhead_seconds: float = 0.0
     source: str = ""
 
 
@@ -58,7 +61,7 @@ def priced(plan: Plan, costs: Costs, asked_resolution: int) -> Plan:
         Texels a side in the config.
     """
     effects = tuple(_priced(effect, plan, costs, asked_resolution) for effect in plan.effects)
-    seconds = _baked(plan, costs) * costs.seconds
+    seconds = costs.overhead_seconds + _baked(plan, costs) * costs.seconds
     return replace(plan, effects=effects, seconds=seconds, bytes=_whole_bytes(plan, costs), costs_from=costs.source)
 
 

@@ -25,6 +25,7 @@ from rsibr.errors import InputError
 from rsibr.scene.auto import Auto, Between
 from rsibr.scene.config_errors import describe
 from rsibr.scene.overrides import apply_overrides, override_keys
+from rsibr.scene.plugins_config import PluginsConfig
 
 
 def _base(info: ValidationInfo) -> Path:
@@ -346,12 +347,23 @@ class Config(_Section):
     sampling: SamplingConfig = SamplingConfig()
     effects: EffectsConfig = EffectsConfig()
     budget: BudgetConfig | None = None
+    plugins: PluginsConfig | None = None
+
+    @property
+    def plugin_modules(self) -> tuple[str, ...]:
+        """Modules that register Mitsuba plugins, see `PluginsConfig`."""
+        return () if self.plugins is None else self.plugins.modules
 
     @model_validator(mode="after")
     def _one_budget(self) -> Config:
         if self.budget is not None and self.sampling.decided_later:
             raise ValueError("[budget] decides on the samples: leave out sampling.target_error and time_budget_s")
         return self
+
+    def with_plugins(self, modules: Sequence[str]) -> Config:
+        """Return the config with these modules after its own; see `PluginsConfig`."""
+        names = dict.fromkeys([*self.plugin_modules, *modules])
+        return self.model_copy(update={"plugins": PluginsConfig(modules=tuple(names))}) if names else self
 
     def to_dict(self) -> dict[str, Any]:
         """Return the config as plain JSON data, paths as strings; `parse_config` reads it back to an equal config."""

@@ -17,9 +17,17 @@ from rsibr.errors import InputError
 from rsibr.scene.config import EnvironmentConfig
 from rsibr.scene.latlong import LatLong, read_latlong
 from rsibr.scene.orientation import rotated
-from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files, require_files
+from rsibr.scene.plugin import (
+    canonical_json,
+    content_digest,
+    mitsuba_errors,
+    named_files,
+    named_types,
+    require_files,
+)
+from rsibr.scene.python_plugins import sources_of
 from rsibr.scene.spectra import in_every_variant
-from rsibr.scene.trial import require_survival
+from rsibr.scene.trial import require_survival, warn_untried
 
 _WHERE = "environment.emitter"
 _FIX = "see the emitters in Mitsuba's plugin reference"
@@ -120,10 +128,10 @@ def load_environment(config: EnvironmentConfig) -> Environment:
     v = j/(H−1), so that the first and the last lie on the poles, and its columns at u = (i+½)/W.
     """
     backend.use()
-    if config.emitter is not None:
-        require_survival(config, _WHERE)
+    untried = require_survival(config, _WHERE) if config.emitter is not None else ""
     environment = _read(config)
     _check_emitter(environment, str(config.file) if config.file else _WHERE)
+    warn_untried(untried)
     return environment
 
 
@@ -183,7 +191,7 @@ def _usable(latlong: LatLong, scale: float, path: Path) -> NDArray[np.float32]:
 def _plain(name: str, plugin: dict[str, Any], scale: float) -> Environment:
     require_files(plugin, _WHERE)
     plugin = plugin if scale == 1.0 else _scaled(plugin, scale)
-    digest = content_digest(canonical_json(plugin), named_files(plugin))
+    digest = content_digest(canonical_json(plugin), [*named_files(plugin), *sources_of(named_types(plugin))])
     return Environment(name, digest, None, 0, 0.0, plugin)
 
 

@@ -15,7 +15,7 @@ from rsibr.resources import scenes
 from rsibr.scene.config import MaterialConfig
 from rsibr.scene.mitsuba_bsdf import BsdfSource, bsdf_digest, load_bsdf
 from rsibr.scene.plugin import require_files
-from rsibr.scene.trial import require_survival
+from rsibr.scene.trial import require_survival, warn_untried
 
 PRESETS = (
     "candy-red",
@@ -78,9 +78,9 @@ def load_material(config: MaterialConfig) -> Material:
     """
     backend.use()
     name, source, where = _source_of(config)
-    if config.preset is None:
-        require_survival(config, where)
+    untried = require_survival(config, where) if config.preset is None else ""
     bsdf = load_bsdf(source, where)
+    warn_untried(untried)
     _require_opaque(bsdf, name, where)
     warp = _natural_warp(bsdf) if config.warp == "auto" else config.warp
     return Material(name, bsdf_digest(source, where), warp, _notes(bsdf), source, where)

@@ -12,7 +12,8 @@ import mitsuba as mi
 
 import rsibr.scene.paint.car_paint  # noqa: F401  # registers its plugin
 from rsibr.errors import InputError
-from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files
+from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files, named_types
+from rsibr.scene.python_plugins import sources_of
 
 BsdfSource = dict[str, Any] | Path
 """Mitsuba BSDF as plain data, or path of its XML file."""
@@ -52,15 +53,16 @@ def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
 def bsdf_digest(source: BsdfSource, where: str) -> str:
     """SHA-256 of a BSDF's content and of the files that it names, independent of its own file name.
 
-    Comments and white space in XML are ignored.
+    Comments and white space in XML are ignored. The source of a plugin in Python counts, where its module was named.
     """
     if isinstance(source, dict):
-        return content_digest(canonical_json(source), named_files(source))
+        return content_digest(canonical_json(source), [*named_files(source), *sources_of(named_types(source))])
     with _search_path(source.parent):
         xml_files = [Path(str(file)) for file in _parse(source, where).files]
     try:
         texts = [ElementTree.canonicalize(from_file=str(file), strip_text=True) for file in xml_files]
         data_files = [file for xml in xml_files for file in _files_named_in(xml) if file.is_file()]
+        data_files += sources_of(name for xml in xml_files for name in types_named_in(xml))
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise InputError(f"is not well-formed XML: {error}", where=where) from None
     return content_digest("\n".join(texts), data_files)
@@ -91,8 +93,10 @@ def _check_nodes(state: mi.parser.ParserState, where: str) -> None:
                 fix="use a constant value",
             )
         fewest, most = NESTED.get(name, (0, len(state.nodes)))
-        nested = sum(child.type == mi.ObjectType.BSDF for child in _children(state, node))
-        if node.type == mi.ObjectType.BSDF and not fewest <= nested <= most:
+        types = [child.type for child in _children(state, node)]
+        nested = types.count(mi.ObjectType.BSDF)
+        unknown = types.count(mi.ObjectType.Unknown)  # of plugins in Python, whose type shows when they are made
+        if node.type == mi.ObjectType.BSDF and not (fewest <= nested + unknown and nested <= most):
             wanted = str(fewest) if fewest == most else f"{fewest} or {most}"
             raise InputError(f"'{name}' has {nested} nested BSDFs, and takes {wanted}", where=where, fix=_FIX)
 
@@ -125,6 +129,14 @@ def _references(node: mi.parser.SceneNode) -> list[int]:
 
 def _children(state: mi.parser.ParserState, node: mi.parser.SceneNode) -> list[mi.parser.SceneNode]:
     return [state.nodes[i] for i in _references(node)]
+
+
+def types_named_in(xml: Path) -> set[str]:
+    """Types of the plugins in an XML file, those of included files not among them."""
+    try:
+        return {name for element in ElementTree.parse(xml).iter() if (name := element.get("type"))}
+    except (OSError, ElementTree.ParseError, ValueError, LookupError):
+        return set()  # Mitsuba says what is wrong with it
 
 
 def _files_named_in(xml: Path) -> list[Path]:

@@ -27,6 +27,7 @@ _REWRITES = (
 )
 _VECTOR_FOR_COLOUR = "got vector"
 _OWN_PLUGIN = '"rsibr_'  # its errors include the fix
+_UNKNOWN_PLUGIN = re.compile(r'Plugin ".*" not found')
 
 
 @contextmanager
@@ -44,6 +45,8 @@ def mitsuba_errors(where: str, fix: str) -> Iterator[None]:
         sentence = essential_sentence(str(error) or type(error).__name__)
         if _OWN_PLUGIN in sentence:
             fix = ""
+        if _UNKNOWN_PLUGIN.search(sentence):
+            fix = f"{fix}; a plugin in Python: name the module that registers it in plugins.modules, or with --import"
         if _VECTOR_FOR_COLOUR in sentence:
             fix = "write a colour as {type = 'rgb', value = [r, g, b]}"
         raise InputError(sentence, where=where, fix=fix) from None
@@ -73,6 +76,12 @@ def named_files(plugin: Mapping[str, Any]) -> list[Path]:
         elif key == "filename":
             files.append(Path(value))
     return files
+
+
+def named_types(plugin: Mapping[str, Any]) -> set[str]:
+    """Return the type of a plugin and of those nested in it."""
+    nested = [named_types(value) for value in plugin.values() if isinstance(value, Mapping)]
+    return {str(plugin["type"])}.union(*nested) if "type" in plugin else set().union(*nested)
 
 
 def require_files(plugin: Mapping[str, Any], where: str) -> None:

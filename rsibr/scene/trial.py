@@ -2,6 +2,10 @@
 
 Some plugins end the process on input that they do not expect. The other process is `rsibr.scene.trial_child`. Only a
 crash or a hang is a finding: what Mitsuba refuses in an orderly way, the caller hears from Mitsuba itself.
+
+The child imports the modules of plugins that its parent has loaded (`rsibr.scene.python_plugins`). It cannot see a
+plugin that was registered by hand, with `mi.register_bsdf` in the parent: such a section is loaded without a trial, and
+a warning says so. The same holds where no Python interpreter is found to start a child with.
 """
 
 from __future__ import annotations
@@ -11,13 +15,15 @@ import json
 import os
 import signal
 import subprocess
-import sys
+import warnings
 from pathlib import Path
 
-import rsibr
 from rsibr.errors import InputError
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
-from rsibr.scene.plugin import named_files
+from rsibr.scene.interpreter import OVERRIDE, interpreters, search_path
+from rsibr.scene.mitsuba_bsdf import types_named_in
+from rsibr.scene.plugin import named_files, named_types
+from rsibr.scene.python_plugins import plugin_modules, registered_by_hand, sources_of
 
 TIMEOUT = 60.0
 """Seconds after which a trial counts as hung; it normally takes one or two."""
@@ -25,10 +31,15 @@ TIMEOUT = 60.0
 IN_TRIAL = "RSIBR_IN_TRIAL"
 """Environment variable that is set in a trial, so that it starts no further one."""
 
+BEGUN = "rsibr trial begun"
+"""What the child says once everything is imported; whoever does not say it is no Python that could try anything."""
+
+_NAME_THE_MODULE = 'Name its module in the config, as in plugins = {modules = ["my_plugins"]}, or with --import'
+
 _survived: set[str] = set()
 
 
-def require_survival(config: EnvironmentConfig | MaterialConfig, where: str, timeout: float = TIMEOUT) -> None:
+def require_survival(config: EnvironmentConfig | MaterialConfig, where: str, timeout: float = TIMEOUT) -> str:
     """Load an environment or a material in a child process, unless the same content has survived that before.
 
     Parameters
@@ -40,19 +51,33 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str, tim
     timeout : float
         Seconds after which the child counts as hung.
 
+    Returns
+    -------
+    str
+        Why it was not tried, to be said once it has been loaded (`warn_untried`); empty where it was.
+
     Raises
     ------
     InputError
         If the child crashes, or does not end in time.
     """
     if os.environ.get(IN_TRIAL):
-        return
+        return ""
+    types = _types(config)
+    by_hand = registered_by_hand(types)
+    if by_hand:
+        names = ", ".join(f"'{name}'" for name in by_hand)
+        return f"{names}: registered in this process only, where no other process finds it. {_NAME_THE_MODULE}"
     kind = "environment" if isinstance(config, EnvironmentConfig) else "material"
-    document = json.dumps({kind: config.model_dump(mode="json", exclude_none=True)})
-    content = hashlib.sha256(document.encode() + b"".join(map(_content, _files(config)))).hexdigest()
+    section = config.model_dump(mode="json", exclude_none=True)
+    document = json.dumps({kind: section, "modules": list(plugin_modules())})
+    files = [*_files(config), *sources_of(types)]
+    content = hashlib.sha256(json.dumps({kind: section}).encode() + b"".join(map(_content, files))).hexdigest()
     if content in _survived:
-        return
+        return ""
     code = _run_child(document, where, timeout)
+    if code is None:
+        return f"no Python interpreter was found to try {where} in. Name one in {OVERRIDE}"
     if code < 0:
         raise InputError(
             f"Mitsuba crashed ({_signal_name(-code)}) while loading it",
@@ -60,22 +85,50 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str, tim
             fix="check its parameters and nested plugins against Mitsuba's plugin reference",
         )
     _survived.add(content)
+    return ""
 
 
-def _run_child(document: str, where: str, timeout: float) -> int:
-    search = os.pathsep.join([str(Path(rsibr.__file__).parent.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
+def warn_untried(reason: str) -> None:
+    """Warn of what was loaded without a trial; nothing where `reason`, from `require_survival`, is empty."""
+    if reason:
+        warnings.warn(f"loaded without a trial, so that a crash would have ended this process: {reason}", stacklevel=3)
+
+
+def _run_child(document: str, where: str, timeout: float = TIMEOUT) -> int | None:
+    """Exit code of a trial, negative where a signal ended it; None where no interpreter could begin one."""
+    for interpreter in interpreters():
+        code, begun = _attempt(interpreter, document, where, timeout)
+        if begun:
+            return code
+    if os.environ.get(OVERRIDE):
+        raise InputError(
+            f"{os.environ[OVERRIDE]} cannot run rsibr", where=OVERRIDE, fix="name a Python that has it, or unset it"
+        )
+    return None
+
+
+def _attempt(interpreter: str, document: str, where: str, timeout: float) -> tuple[int, bool]:
+    """Exit code of one interpreter, and whether the trial began in it."""
     try:
-        return subprocess.run(
-            [sys.executable, "-m", "rsibr.scene.trial_child"],
+        done = subprocess.run(
+            [interpreter, "-P", "-m", "rsibr.scene.trial_child"],
             input=document.encode(),
-            env=os.environ | {IN_TRIAL: "1", "PYTHONPATH": search},
-            stdout=subprocess.DEVNULL,
+            env=os.environ | {IN_TRIAL: "1", "PYTHONPATH": search_path()},
+            stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             timeout=timeout,
             check=False,
-        ).returncode
+        )
     except subprocess.TimeoutExpired:
         raise InputError(f"Mitsuba did not load it within {timeout:.0f} s", where=where, fix="simplify it") from None
+    except OSError:  # not executable, or no program at all
+        return 0, False
+    return done.returncode, BEGUN.encode() in done.stdout
+
+
+def _types(config: EnvironmentConfig | MaterialConfig) -> set[str]:
+    plugin = config.emitter if isinstance(config, EnvironmentConfig) else config.bsdf
+    return named_types(plugin) if plugin is not None else types_named_in(Path(config.file or ""))
 
 
 def _files(config: EnvironmentConfig | MaterialConfig) -> list[Path]:

@@ -18,12 +18,15 @@ from rsibr.errors import RsibrError
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
+from rsibr.scene.python_plugins import load_plugins
+from rsibr.scene.trial import BEGUN
 
 _DIRECTIONS = 64
 
 
-def try_section(document: dict[str, dict[str, Any]]) -> None:
+def try_section(document: dict[str, Any]) -> None:
     """Load the section that `document` holds, evaluate and sample it; raises as the loader does."""
+    load_plugins(document.get("modules", ()))
     context = {"base": Path.cwd()}
     if "environment" in document:
         load_environment(EnvironmentConfig.model_validate(document["environment"], context=context))
@@ -35,6 +38,7 @@ def try_section(document: dict[str, dict[str, Any]]) -> None:
 def main() -> int:
     """Run one trial; the exit code says nothing but that the process ended by itself."""
     document = json.load(sys.stdin)
+    print(BEGUN, flush=True)  # noqa: T201  # to the process that waits for it
     try:
         try_section(document)
     except (RsibrError, RuntimeError):  # said again, and better, by the process that asked

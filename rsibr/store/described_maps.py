@@ -55,7 +55,7 @@ class DescribedMaps:
     @property
     def seconds(self) -> float:
         """Time that all views together took to bake [s]."""
-        return self.manifest.seconds
+        return self.manifest.whole_seconds
 
     @property
     def bytes(self) -> int:

@@ -316,6 +316,9 @@ class Manifest(_Record):
         Number and allocation of the samples; None in bakes older than this record.
     budget : BudgetRecord or None
         Budget of the whole bake; None without one.
+    wall_seconds : float
+        Wall time of all runs that came to an end [s]: start-up, loading, probes, compilation, views, light. That of a
+        run that was killed is missing.
     """
 
     schema_version: Literal[1] = SCHEMA_VERSION
@@ -335,6 +338,7 @@ class Manifest(_Record):
     plan: Plan | None = None
     sampling: SamplingRecord | None = None
     budget: BudgetRecord | None = None
+    wall_seconds: float = Field(0.0, ge=0.0)
 
     @classmethod
     def planned(
@@ -417,6 +421,11 @@ class Manifest(_Record):
     def seconds(self) -> float:
         """Render time of the finished views [s]."""
         return sum(state.seconds or 0.0 for state in self.views)
+
+    @property
+    def whole_seconds(self) -> float:
+        """Time that the user waited for the bake [s]: with start-up, compilation and the light, where that is known."""
+        return max(self.wall_seconds, self.total_seconds)
 
     @property
     def total_seconds(self) -> float:

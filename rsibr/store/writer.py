@@ -150,9 +150,10 @@ class BakeWriter:
         record = LightRecord(sha256=checksum(data), bytes=len(data))
         self._record(self.manifest.model_copy(update={"light": record}))
 
-    def record_plan(self, plan: Plan) -> None:
-        """Replace the plan in the manifest, once its costs are known."""
-        self._record(self.manifest.model_copy(update={"plan": plan}))
+    def record_end(self, plan: Plan, seconds: float) -> None:
+        """Replace the plan in the manifest, now that its costs are known, and add the wall time of this run [s]."""
+        whole = self.manifest.wall_seconds + seconds
+        self._record(self.manifest.model_copy(update={"plan": plan, "wall_seconds": whole}))
 
     def close(self) -> None:
         """Release the lock of the directory."""

@@ -149,6 +149,10 @@ class StudyConfig(_Section):
     judge: JudgeConfig
     path_tracing: PathTracingConfig
 
+    def with_plugins(self, modules: Sequence[str]) -> StudyConfig:
+        """Return the config with these modules in every scene; see `rsibr.scene.plugins_config`."""
+        return self.model_copy(update={"scenes": tuple(scene.with_plugins(modules) for scene in self.scenes)})
+
 
 def load_study(path: Path) -> StudyConfig:
     """Read the config of a study from a TOML file; relative paths in it start at its folder.

@@ -64,6 +64,7 @@ class Study:
         ]
 
 
+@backend.in_session
 def study(
     config: StudyConfig | Mapping[str, Any] | Path | str,
     *,

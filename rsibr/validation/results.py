@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rsibr.planning.plan import Plan
 from rsibr.validation.estimate import Estimate, mean_estimate
+from rsibr.validation.eval_error import EvalError
 from rsibr.validation.flip import Exposures
 from rsibr.validation.health.health import Health
 from rsibr.validation.lobes import LobeSummary, ViewLobes, summarise
@@ -34,7 +35,7 @@ class BakeSummary:
     views, resolution, samples : int
         Stored views, texels a side, samples a texel.
     seconds : float
-        Baking time of all views together.
+        Wall time of the whole bake, set-up included.
     bytes : int
         Size on disk.
     details : dict
@@ -64,11 +65,30 @@ class MethodResult:
         From `rsibr.validation.metrics.compare`.
     seconds : float
         Time of the whole map, device finished, nothing compiled.
+    eval : EvalError or None
+        Error and time of the method's `eval` at single points; None where it was not judged.
     """
 
     image: NDArray[np.float32]
     error: MapError
     seconds: float
+    eval: EvalError | None = None
+
+
+@dataclass(frozen=True)
+class MethodStart:
+    """What a method takes before its first map.
+
+    Attributes
+    ----------
+    prepare_seconds : float
+        To make it ready, see `rsibr.methods.protocol.Cost`.
+    compile_seconds : float
+        What the first map took longer than the others.
+    """
+
+    prepare_seconds: float = 0.0
+    compile_seconds: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,11 +148,20 @@ class MethodSummary:
         Mean time of a map.
     seconds_range : tuple of two floats
         Shortest and longest.
+    eval_rel_mse : Estimate or None
+        RelMSE of `eval`, mean over the views; None where it was not judged.
+    eval_seconds : float or None
+        Mean time of one evaluation of `eval`.
+    prepare_seconds : float
+        Time to make the method ready, see `Cost`.
+    compile_seconds : float
+        Time that the first map took longer than the others: tracing and compilation.
     path_tracing_seconds : float
         Time in which the reference's path tracer reaches the same relMSE on one map; a lower bound where the error is
         below the noise floor.
     break_even_views : int or None
-        Maps after which baking and reconstructing has cost no more than path tracing each; None if it never has.
+        Maps after which baking, preparing, compiling and reconstructing has cost no more than path tracing each; None
+        if it never has.
     """
 
     rel_mse: Estimate
@@ -144,6 +173,10 @@ class MethodSummary:
     worst_texel: float
     seconds: float
     seconds_range: tuple[float, float]
+    eval_rel_mse: Estimate | None
+    eval_seconds: float | None
+    prepare_seconds: float
+    compile_seconds: float
     path_tracing_seconds: float
     break_even_views: int | None
 
@@ -163,6 +196,8 @@ class Validation:
         Numerical health of the bake itself; None where nobody looked.
     plan : Plan or None
         Which effects the bake simulated; None in a bake without a plan.
+    starts : dict of str to MethodStart
+        What each method took before its first map; none where nobody measured.
     """
 
     bake: BakeSummary
@@ -170,6 +205,7 @@ class Validation:
     exposures: Exposures
     health: Health | None = None
     plan: Plan | None = None
+    starts: dict[str, MethodStart] = field(default_factory=dict)
 
     @property
     def methods(self) -> list[str]:
@@ -199,6 +235,9 @@ class Validation:
         values = [error.rel_mse.value for error in errors]
         energy = [error.energy_ratio for error in errors if error.energy_ratio is not None]
         path_tracing = self._path_tracing_seconds(rel_mse)
+        start = self.starts.get(name, MethodStart())
+        once = self.bake.seconds + start.prepare_seconds + start.compile_seconds
+        points = [result.eval for result in results if result.eval is not None]
         return MethodSummary(
             rel_mse=rel_mse,
             rel_mse_range=(min(values), max(values)),
@@ -212,8 +251,12 @@ class Validation:
             worst_texel=max(error.worst_texel.error for error in errors),
             seconds=float(np.mean(seconds)),
             seconds_range=(min(seconds), max(seconds)),
+            eval_rel_mse=mean_estimate([point.rel_mse for point in points]) if points else None,
+            eval_seconds=float(np.mean([point.seconds for point in points])) if points else None,
+            prepare_seconds=start.prepare_seconds,
+            compile_seconds=start.compile_seconds,
             path_tracing_seconds=path_tracing,
-            break_even_views=break_even_views(self.bake.seconds, path_tracing, float(np.mean(seconds))),
+            break_even_views=break_even_views(once, path_tracing, float(np.mean(seconds))),
         )
 
     def _path_tracing_seconds(self, error: Estimate) -> float:
@@ -226,13 +269,13 @@ class Validation:
         return seconds * max(share, 1.0 / samples)  # one sample a texel is the least that can be had
 
 
-def break_even_views(bake_seconds: float, path_tracing_seconds: float, reconstruct_seconds: float) -> int | None:
+def break_even_views(once_seconds: float, path_tracing_seconds: float, reconstruct_seconds: float) -> int | None:
     """Count the views after which a bake has cost no more than path tracing each view to the same error.
 
     Parameters
     ----------
-    bake_seconds : float
-        Spent once.
+    once_seconds : float
+        Spent once: the bake, and what the method takes before its first map.
     path_tracing_seconds, reconstruct_seconds : float
         Spent on each view, without and with the bake.
 
@@ -242,4 +285,4 @@ def break_even_views(bake_seconds: float, path_tracing_seconds: float, reconstru
         None where a reconstructed view takes as long as a path-traced one, or longer: it never pays.
     """
     saved = path_tracing_seconds - reconstruct_seconds
-    return math.ceil(bake_seconds / saved) if saved > 0 else None
+    return math.ceil(once_seconds / saved) if saved > 0 else None

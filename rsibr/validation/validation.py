@@ -23,6 +23,7 @@ from rsibr.methods.reconstruction import Reconstruction, run
 from rsibr.methods.registry import available, method_names, registration
 from rsibr.scene.environment import Environment
 from rsibr.store.bake import Bake, open_bake
+from rsibr.validation.eval_error import judge_eval
 from rsibr.validation.flip import exposures_for
 from rsibr.validation.health.health import Health, assess
 from rsibr.validation.health.health_report import write_health
@@ -30,7 +31,7 @@ from rsibr.validation.lobes import LobeJudge, has_lobes
 from rsibr.validation.metrics import compare
 from rsibr.validation.reference import MINIMUM_BUFFERS, ReferenceRenderer
 from rsibr.validation.report.report import write_report
-from rsibr.validation.results import BakeSummary, MethodResult, Validation, ViewResult
+from rsibr.validation.results import BakeSummary, MethodResult, MethodStart, Validation, ViewResult
 
 DEFAULT_VIEWS = 8
 DEFAULT_SAMPLES = 1024
@@ -44,6 +45,7 @@ _VIEW_BRANCH = 0x76696577
 """Branch of the seed tree (the letters "view") that novel views are drawn from."""
 
 
+@backend.in_session
 def validate(
     bake: Bake | Path | str,
     *,
@@ -111,19 +113,22 @@ def validate(
     of_lobes = max(samples // LOBE_SAMPLES, buffers)
     judge = LobeJudge(opened, prepared, method_set, of_lobes, buffers) if by_lobe else None
     exposures = exposures_for(_mean_radiance(opened))
-    results = []
+    results, starts = [], dict[str, float]()
     for done, (label, view) in enumerate(chosen):
         on_progress(done, len(chosen))
         frame = view_frame(view)
         reference = renderer.render(frame, samples, seed=_seed(opened), buffers=buffers)
         found = {}
         for name in names:
-            made = timed(method_set[name], frame, opened.resolution)
+            made, first = timed(method_set[name], frame, opened.resolution)
+            starts.setdefault(name, max(0.0, first - made.seconds))
             error = compare(made.image, reference, exposures, name=f"{name} at view {done}")
-            found[name] = MethodResult(made.image, error, made.seconds)
+            points = judge_eval(method_set[name], frame, reference, _seed(opened))
+            found[name] = MethodResult(made.image, error, made.seconds, points)
         results.append(ViewResult(frame, reference, found, label, judge.at(frame) if judge else None))
     on_progress(len(chosen), len(chosen))
-    validation = Validation(_summary(opened), results, exposures, health, opened.manifest.plan)
+    before = {name: MethodStart(method_set[name].cost.prepare_seconds, compiled) for name, compiled in starts.items()}
+    validation = Validation(_summary(opened), results, exposures, health, opened.manifest.plan, before)
     if out is not None:
         write_report(validation, Path(out))
     return validation
@@ -148,10 +153,20 @@ def novel_views(bake: Bake, count: int) -> list[tuple[str, NDArray[np.float64]]]
     return drawn_views(Viewpoints(bake.directions, bake.triangles), count, seeds)
 
 
-def timed(method: Method, frame: NDArray[np.float64], resolution: int) -> Reconstruction:
-    """Make a map several times and give it the median time; the first time, which compiles, does not count."""
+def timed(method: Method, frame: NDArray[np.float64], resolution: int) -> tuple[Reconstruction, float]:
+    """Make a map several times.
+
+    Returns
+    -------
+    made : Reconstruction
+        The map, with the median time of `TIMED_RUNS` runs.
+    first : float
+        Time of the run before them, which may trace and compile kernels [s].
+    """
     made = run(method, frame, resolution)
-    return replace(made, seconds=median(run(method, frame, resolution).seconds for _ in range(TIMED_RUNS)))
+    return replace(
+        made, seconds=median(run(method, frame, resolution).seconds for _ in range(TIMED_RUNS))
+    ), made.seconds
 
 
 def _chosen_views(bake: Bake, views: int | Sequence[ArrayLike]) -> list[tuple[str, NDArray[np.float64]]]:

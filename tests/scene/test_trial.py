@@ -8,10 +8,12 @@ import sys
 import pytest
 
 from rsibr.errors import InputError
-from rsibr.scene import trial, trial_child
+from rsibr.scene import interpreter, trial, trial_child
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
+
+PYTHON = sys.executable
 
 # Runs in the child before anything else: without the check that Mitsuba does not survive the lack of.
 UNGUARDED = "import rsibr.scene.mitsuba_bsdf as module\nmodule.NESTED = {}\n"
@@ -38,8 +40,10 @@ def _blend_xml(folder):
 
 
 def _child(monkeypatch, code):
-    real = subprocess.run
-    monkeypatch.setattr(trial.subprocess, "run", lambda _, **options: real([sys.executable, "-c", code], **options))
+    real, begin = subprocess.run, f"print({trial.BEGUN!r}, flush=True)\n"
+    monkeypatch.setattr(
+        trial.subprocess, "run", lambda _, **options: real([sys.executable, "-c", begin + code], **options)
+    )
 
 
 def test_an_emitter_that_kills_its_process_is_named(monkeypatch):
@@ -52,6 +56,57 @@ def test_a_plugin_that_hangs_is_given_up(monkeypatch):
     _child(monkeypatch, "import time; time.sleep(60)")
     with pytest.raises(InputError, match="did not load it within"):
         trial.require_survival(MaterialConfig(bsdf={"type": "diffuse"}), "material.bsdf", timeout=0.2)
+
+
+def _program(path, text):
+    path.write_text(text)
+    path.chmod(0o755)
+    return str(path)
+
+
+@pytest.fixture
+def _nowhere_else(monkeypatch):
+    """Let no interpreter be found but those that a test names."""
+    for name in ("executable", "_base_executable"):
+        monkeypatch.setattr(sys, name, "")
+    for name in ("exec_prefix", "base_exec_prefix"):
+        monkeypatch.setattr(sys, name, "/nonexistent")
+    monkeypatch.setattr(interpreter, "get_executable", lambda: None)
+    monkeypatch.delenv(interpreter.OVERRIDE, raising=False)
+
+
+@pytest.mark.parametrize("name", ["blender", "python", "python3.99"])
+def test_a_sys_executable_that_is_no_python_is_passed_over(name, tmp_path, monkeypatch):
+    """A program of another name is not even started: a frozen application would start itself once more."""
+    started = tmp_path / "started"
+    fake = _program(tmp_path / name, f"#!/bin/sh\ntouch {started}\nexit 3\n")
+    monkeypatch.setattr(sys, "executable", fake)
+    monkeypatch.setattr(interpreter, "get_executable", fake.encode)
+    code = trial._run_child('{"material": {"bsdf": {"type": "diffuse"}}}', "here")
+    assert code == 0
+    assert started.exists() == (name != "blender")
+
+
+@pytest.mark.usefixtures("_nowhere_else")
+def test_without_an_interpreter_there_is_no_trial_and_a_warning(tmp_path, monkeypatch):
+    assert list(interpreter.interpreters()) == []
+    with pytest.warns(UserWarning, match=r"without a trial.*no Python interpreter was found .*RSIBR_PYTHON"):
+        load_material(MaterialConfig(bsdf={"type": "diffuse"}))
+    monkeypatch.setattr(sys, "executable", _program(tmp_path / "python3", "no program at all"))
+    with pytest.warns(UserWarning, match="without a trial"):
+        load_material(MaterialConfig(bsdf={"type": "diffuse"}))
+
+
+@pytest.mark.usefixtures("_nowhere_else")
+def test_the_interpreter_can_be_named(tmp_path, monkeypatch):
+    monkeypatch.setenv(interpreter.OVERRIDE, PYTHON)
+    assert list(interpreter.interpreters()) == [PYTHON]
+    monkeypatch.setenv(interpreter.OVERRIDE, str(tmp_path / "absent"))
+    with pytest.raises(InputError, match=r"^RSIBR_PYTHON: there is no file"):
+        load_material(MaterialConfig(bsdf={"type": "diffuse"}))
+    monkeypatch.setenv(interpreter.OVERRIDE, _program(tmp_path / "other", "#!/bin/sh\nexit 0\n"))
+    with pytest.raises(InputError, match=r"^RSIBR_PYTHON: .* cannot run rsibr"):
+        load_material(MaterialConfig(bsdf={"type": "diffuse"}))
 
 
 def test_what_survived_is_not_tried_again(monkeypatch):

@@ -140,6 +140,7 @@ class LobeWarpMethod(WarpBlend):
     corrections: Corrections = Corrections()
 
     @classmethod
+    @backend.in_session
     def of(cls, inputs: MethodInputs, corrections: Corrections = Corrections()) -> LobeWarpMethod:
         """Make the method from a bake's lobes.
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rsibr import backend
 from rsibr.store.bake import Bake, open_bake
 from rsibr.validation.health.health import Health, assess
 from rsibr.validation.health.health_report import write_health
 from rsibr.validation.validation import DEFAULT_VIEWS, novel_views
 
 
+@backend.in_session
 def check(bake: Bake | Path | str, *, out: Path | str | None = None) -> Health:
     """Look for what cannot be trusted in a bake: NaN, holes, fireflies, energy drift, half-float overflow.
 

@@ -16,6 +16,7 @@ from rsibr.errors import InputError
 from rsibr.geometry.viewpoints import from_directions
 from rsibr.scene.config import config_of
 from rsibr.scene.environment import Environment, load_environment
+from rsibr.scene.python_plugins import load_plugins
 from rsibr.store.bake import Bake
 from rsibr.store.health import MapHealth, map_health
 from rsibr.store.map_file import MapFile
@@ -307,7 +308,9 @@ def _drawn(seen: MapHealth) -> Rgba:
 
 
 def _environment_of(bake: Bake) -> Environment:
-    return load_environment(config_of(bake.config).environment)
+    config = config_of(bake.config)
+    load_plugins(config.plugin_modules)
+    return load_environment(config.environment)
 
 
 def _judge_energy(bake: Bake, means: MapMeans, load: Callable[[], Environment]) -> tuple[list[Drift], list[int], str]:

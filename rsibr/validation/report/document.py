@@ -33,6 +33,8 @@ class MethodModel(StrictModel):
     energy_ratio: float | None = Field(description="Σa/Σb; null where light appears in a black channel")
     worst_texel: WorstTexelModel
     seconds: Positive = Field(description="time of the whole map")
+    eval_rel_mse: EstimateModel | None = Field(None, description="of eval at single points; null where not judged")
+    eval_seconds: Positive | None = Field(None, description="time of one evaluation; null where not judged")
 
     @classmethod
     def of(cls, result: MethodResult) -> MethodModel:
@@ -48,6 +50,8 @@ class MethodModel(StrictModel):
             energy_ratio=error.energy_ratio,
             worst_texel=WorstTexelModel(**vars(error.worst_texel)),
             seconds=result.seconds,
+            eval_rel_mse=None if result.eval is None else EstimateModel.of(result.eval.rel_mse),
+            eval_seconds=None if result.eval is None else result.eval.seconds,
         )
 
 
@@ -86,15 +90,22 @@ class SummaryModel(StrictModel):
     worst_texel: Positive = Field(description="largest relative squared error of any texel of any view")
     seconds: Positive = Field(description="mean time of a map")
     seconds_range: Interval
+    eval_rel_mse: EstimateModel | None = Field(None, description="of eval at single points; null where not judged")
+    eval_seconds: Positive | None = Field(None, description="time of one evaluation; null where not judged")
+    prepare_seconds: Positive = Field(0.0, description="to make the method ready: decode, upload, tables, residuals")
+    compile_seconds: Positive = Field(0.0, description="what the first map took longer than the others")
     bytes: int = Field(ge=0, description="what the method reads from disk: the bake")
     path_tracing_seconds: Positive = Field(description="time of a path-traced map of equal relMSE")
-    break_even_views: int | None = Field(description="views after which the bake has paid for itself; null: never")
+    break_even_views: int | None = Field(
+        description="views after which bake, preparation and compilation have paid for themselves; null: never"
+    )
 
     @classmethod
     def of(cls, summary: MethodSummary, size: int) -> SummaryModel:
         """Take over a method's summary."""
         values: dict[str, Any] = dict(vars(summary))
         values["rel_mse"] = EstimateModel.of(summary.rel_mse)
+        values["eval_rel_mse"] = None if summary.eval_rel_mse is None else EstimateModel.of(summary.eval_rel_mse)
         values["rel_mse_zones"] = {zone: EstimateModel.of(e) for zone, e in summary.rel_mse_zones.items()}
         return cls(**values, bytes=size)
 

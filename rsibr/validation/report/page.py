@@ -73,7 +73,9 @@ def estimate(value: Estimate) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Write a time for a person: `2.5 ms`, `12.3 s`, `3 min 20 s`, `2 h 05 min`."""
+    """Write a time for a person: `420 ns`, `2.5 ms`, `12.3 s`, `3 min 20 s`, `2 h 05 min`."""
+    if 0 < seconds < 1e-5:
+        return _kept_together(f"{readable(seconds * 1e9)} ns")
     if seconds < 1.0:
         return _kept_together(f"{readable(seconds * 1e3)} ms")
     if seconds < 60.0:
