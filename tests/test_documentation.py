@@ -24,6 +24,7 @@ from rsibr.methods.protocol import Method
 from rsibr.methods.registry import registration, unregister
 from rsibr.scene.config import Config
 from rsibr.store.bake import open_bake
+from rsibr.store.manifest import Manifest
 from tests.documentation import DOCS, GENERATED, ROOT, Page, front_pages, pages
 from tests.store import synthetic
 
@@ -177,6 +178,18 @@ def test_the_page_of_the_command_line_has_every_option():
         shared = {"--json", "--help", "--import"}
         assert options_of(name) - shared - set(re.findall(r"--[a-z-]+", part)) == set(), name
     assert all(f"`{option}" in text for option in ("--json", "--help"))
+
+
+def test_the_page_of_the_command_line_says_who_takes_plugins():
+    (sentence,) = re.findall(r"(`bake`, [^.]*) take it", page("command-line.md").text)
+    assert set(re.findall(r"`(\w+)`", sentence)) == {name for name in COMMANDS if "--import" in options_of(name)}
+
+
+def test_the_page_of_the_file_format_has_every_field_of_the_manifest():
+    rows = re.findall(
+        r"^\| `(\w+)(?:\[\])?` \|", page("file-format.md").text.partition("`manifest.json`\n")[2], re.MULTILINE
+    )
+    assert set(rows) == {*Manifest.model_fields, "checksum"}
 
 
 def test_the_readme_is_one_page():
