@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rsibr.validation.health.check import check as check
     from rsibr.validation.validation import validate as validate
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOME = {
     "MethodSet": "rsibr.methods.method_set",
