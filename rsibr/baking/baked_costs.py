@@ -1,4 +1,4 @@
-"""What the plan of a bake has cost, from the maps that it made."""
+"""Measured costs of a finished bake, for its plan."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ def baked_costs(manifest: Manifest, views: int, wall_seconds: float) -> Costs:
     Parameters
     ----------
     manifest : Manifest
-        With all views done.
+        Manifest with all views done.
     views : int
-        How many the config asked for.
+        Number of views that the config asks for.
     wall_seconds : float
         Wall time of the bake [s].
     """
