@@ -35,9 +35,7 @@ from rsibr.store.manifest import (
 )
 from rsibr.store.map_file import MapFile
 
-RETROREFLECTIVE = (
-    "retroreflective: no warp follows light that goes back, so that expect larger errors between the views"
-)
+RETROREFLECTIVE = "retroreflective: no warp reproduces retroreflection; expect larger errors between the stored views"
 
 
 @backend.in_session
@@ -167,9 +165,7 @@ def _notes(material: Material, plan: Plan) -> tuple[str, ...]:
     """Properties of the material that no warp reproduces; shown by the bake and by every report on it."""
     found = {"retroreflection": RETROREFLECTIVE, "anisotropy": ANISOTROPIC}
     flagged = [note for name, note in found.items() if plan[name].missed]
-    return tuple(
-        dict.fromkeys([*material.notes, *flagged])
-    )  # without duplicates: Mitsuba may have reported anisotropy too
+    return tuple(dict.fromkeys([*material.notes, *flagged]))  # no duplicates: Mitsuba may report anisotropy too
 
 
 def _bake_views(writer: BakeWriter, sampler: Sampler, on_progress: Callable[[Progress], None]) -> None:

@@ -77,7 +77,7 @@ def _other_rendering(plan: Plan) -> Rendering | None:
 
 
 def _map_seconds(kernels: dict[str, SphereIntegrator], samples: int) -> tuple[dict[str, float], float]:
-    """Seconds of a map for each kernel, scaled from launches of at most `MAX_LANES` samples; compile time of the first."""
+    """Seconds of a map for each kernel, scaled from launches of at most `MAX_LANES` samples; first compile time."""
     # ---- Launch size ----
     blocks = block_sizes(samples)
     count = int(blocks.counts)

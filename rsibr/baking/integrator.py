@@ -284,9 +284,7 @@ class SphereIntegrator:
         radiance = mi.Color3f(0)
         for lobe in lobes:
             radiance += lobe
-        scale = dr.select(
-            radiance > self._clamp, self._clamp / radiance, 1
-        )  # NaN passes, and is counted by the health check
+        scale = dr.select(radiance > self._clamp, self._clamp / radiance, 1)  # NaN passes, for the health check
         return [lobe * scale for lobe in lobes]
 
     def _from_light(
