@@ -1,4 +1,4 @@
-"""The `rsibr` command: its subcommands, and how a failure ends."""
+"""The command `rsibr` with its subcommands."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from rsibr.cli.validate import validate
 
 app = typer.Typer(
     name="rsibr",
-    help="Bake a material under a distant environment into radiance sphere maps, reconstruct any view, know the error.",
-    rich_markup_mode=None,  # Rich takes half a second to show a help
+    help="Bake a material under a distant environment into radiance maps, reconstruct any view, measure the error.",
+    rich_markup_mode=None,  # Rich would delay --help by half a second
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -33,7 +33,7 @@ def options(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)] = False,
 ) -> None:
-    """Bake a material under a distant environment, reconstruct any view, know the error."""
+    """Bake a material under a distant environment, reconstruct any view, measure the error."""
     if version:
         import rsibr
 
@@ -44,5 +44,5 @@ def options(
 
 
 def main() -> NoReturn:
-    """Run the command line; a failure that the user can act on ends as one line and its exit code."""
+    """Run the command line; a failure that the user can fix is printed as one line, with its exit code."""
     sys.exit(run(lambda: app(standalone_mode=False)))

@@ -1,4 +1,4 @@
-"""`rsibr study`: error against time, over a sweep of what a bake can spend on."""
+"""`rsibr study`: error against time, over sweeps of the parameters of a bake."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 def study(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Config of the study (TOML).", show_default=False)],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Directory of the study: its report, bakes, references.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Directory of the study, for report, bakes and references.")],
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
-    """Measure what accuracy costs in time: sweeps, convergence, fronts. A study that was killed goes on."""
+    """Measure accuracy against time: sweeps, convergence, Pareto fronts. A killed study resumes."""
     check_output_folder(out)
     from rsibr.studies.config import load_study
     from rsibr.studies.runner import study as run
@@ -38,7 +38,7 @@ def study(
 
 @contextmanager
 def _progress() -> Iterator[Callable[[Progress], None]]:
-    """Say what the study is expected to take, then show what is at work and the time left."""
+    """Print the expected time of the study, then show the current step and the remaining time."""
     from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bars
 
@@ -62,7 +62,7 @@ def _progress() -> Iterator[Callable[[Progress], None]]:
 
 
 def _print(found: Study) -> None:
-    """Print for each scene the points that nothing beats in error and time, and what twice the time buys."""
+    """Print the Pareto front of error and time for each scene, and the gain of doubling the time."""
     from rsibr.studies.page import answer, estimate
     from rsibr.validation.report.page import duration, number, size
 
