@@ -7,7 +7,7 @@ from statistics import median
 from rsibr.planning.costs import Costs
 from rsibr.store.manifest import Manifest
 
-BAKED = "measured: median seconds and bytes of the maps of this bake; `rsibr plan` measures what is absent here"
+BAKED = "measured: median seconds and bytes of the maps of this bake; `rsibr plan` measures the missing costs"
 
 
 def baked_costs(manifest: Manifest, views: int, wall_seconds: float) -> Costs:

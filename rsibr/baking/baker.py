@@ -89,7 +89,7 @@ def bake(
         prepared = config if isinstance(config, Scene) else None
         settings = config.config if isinstance(config, Scene) else config_of(config, overrides)
         if settings.budget is not None:
-            raise ValueError("a budget is decided on before its bake")
+            raise ValueError("a budget must be resolved before the bake")
         if not fresh and (found := finished_bake(settings, out, prepared.digests if prepared else None)) is not None:
             return found
         scene = prepared or Scene.prepare(settings)

@@ -121,7 +121,7 @@ def _size_for_error(scene: ProbedScene, error: float) -> tuple[Size, ProbeRecord
             return size, found, probes
     best = min(probes, key=lambda probe: probe.upper)
     raise InputError(
-        f"an error of {error:g} cannot be promised here: the best that can be is {best.upper / BIAS_SHARE:.3g}, "
+        f"an error of {error:g} cannot be promised: the smallest possible is {best.upper / BIAS_SHARE:.3g}, "
         f"with {best.views} maps of {best.resolution}²",
         where="budget.error",
         fix="allow for more error, or leave map.resolution, views and sampling.samples open",

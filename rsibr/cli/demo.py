@@ -19,7 +19,7 @@ def demo(
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
-    """Bake a car paint under a photographed sky, reconstruct novel views, compare with path tracing, write a report."""
+    """Bake a car paint under a real sky, reconstruct novel views, compare with path tracing, write a report."""
     from rsibr import clock
     from rsibr.baking.baker import bake
     from rsibr.baking.scene import Scene

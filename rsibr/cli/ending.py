@@ -19,7 +19,7 @@ from rsibr import clock
 from rsibr.errors import InputError, MachineError, RsibrError
 
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
-"""Exception of Typer for an invalid command line. Only a subclass is public; the class is in a private copy of Click."""
+"""Exception of Typer for an invalid command line: a class of its private copy of Click, with one public subclass."""
 
 _GONE = 0
 """Exit code if the reader of stdout has closed it, as after `| head`."""

@@ -52,9 +52,7 @@ def _progress() -> Iterator[Callable[[Progress], None]]:
         def show(state: Progress) -> None:
             nonlocal task
             if task is None:
-                console.print(
-                    f"expected to take {duration(state.total)}" if state.total > 0 else "all is there already"
-                )
+                console.print(f"expected to take {duration(state.total)}" if state.total > 0 else "already complete")
                 task = bars.add_task("study", total=state.total)
             bars.update(task, completed=state.done, description=state.step)
 
@@ -68,7 +66,7 @@ def _print(found: Study) -> None:
 
     frames = found.document.judge.frames
     for scene, analysis in found.scenes:
-        typer.echo(f"\n{scene.name}: the best in its time, to bake and to make {frames} pictures")
+        typer.echo(f"\n{scene.name}: Pareto front of relMSE and time, for the bake and {frames} images")
         by_label = {point.label: point for point in scene.points}
         rivals = {row.label: row for row in analysis.rivals}
         for label in analysis.job_front:
@@ -77,7 +75,7 @@ def _print(found: Study) -> None:
                 f"  {duration(row.job_seconds):>12}  relMSE {estimate(point.error.rel_mse):<22}"
                 f"{size(point.bytes):>9}  {label} (path tracing: {number(row.path_tracing_rel_mse)})"
             )
-    typer.echo("\nwhat twice the time buys, mean over the scenes")
+    typer.echo("\ngain of doubling the time, mean over the scenes")
     for sentence in answer(found.document.doubling, frames):
         typer.echo(f"  {sentence}")
     typer.echo(f"report: {found.out / 'study.html'}")

@@ -101,10 +101,10 @@ def _check_served(method: Registration, bake: StoredMaps) -> None:
     where = str(bake.path)
     if method.needs.lobes and not bake.manifest.lobes:
         fix = f'bake with effects.lobes = "auto" for {method.name}'
-        raise BakeError("its lobes were not kept apart", where=where, fix=fix)
+        raise BakeError("its lobes are not stored separately", where=where, fix=fix)
     if method.needs.views and not bake.has_views:
         raise BakeError(
-            f"it holds one map, for its lobes have closed forms, and '{method.name}' needs views all around",
+            f"it holds one map, because all lobes are predicted from the environment; '{method.name}' needs more views",
             where=where,
             fix='bake with effects.view_dependence = "on", or use another method',
         )

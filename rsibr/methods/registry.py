@@ -206,5 +206,5 @@ def _load(entry: Any) -> None:
         raise InputError(
             f"cannot be loaded: {type(error).__name__}: {error}",
             where=f"entry point '{entry.name}' of {ENTRY_POINTS} ({entry.value})",
-            fix="mend or uninstall that package",
+            fix="fix or uninstall that package",
         ) from error

@@ -270,7 +270,7 @@ def _check_finite(candidate: NDArray[np.floating], reference: Reference, name: s
             raise CheckFailed(
                 f"radiance is {value} ({len(bad)} such values in all)",
                 where=f"{label}, row {row}, column {column}, channel {'RGB'[channel]}",
-                fix="look for the cause: no average would hide it",
+                fix="find its cause: such values are never averaged",
             )
 
 

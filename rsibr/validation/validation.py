@@ -198,7 +198,7 @@ def _trusted_health(
     found = "; ".join(
         str(finding) for finding in health.findings.values() if finding.verdict == "failed" and finding.texels
     )
-    raise CheckFailed(f"cannot be judged: {found}", where=str(bake.path), fix=f"see where: `rsibr check {bake.path}`")
+    raise CheckFailed(f"cannot be validated: {found}", where=str(bake.path), fix=f"see `rsibr check {bake.path}`")
 
 
 def _unchanged(bake: Bake, scene: Scene) -> Scene:

@@ -34,12 +34,12 @@ def test_a_study_prints_what_it_expects_and_what_it_found(shell: Shell, study, t
     ended = shell("study", study, "--out", tmp_path / "out")
     assert ended.code == 0, ended
     assert "expected to take" in ended.stderr
-    assert "matte-lambert under constant: the best in its time" in ended.stdout
-    assert "what twice the time buys" in ended.stdout
+    assert "matte-lambert under constant: Pareto front" in ended.stdout
+    assert "gain of doubling the time" in ended.stdout
     assert ended.stdout.endswith(f"report: {tmp_path / 'out' / 'study.html'}\n")
     assert {"study.html", "study.json", "study.csv"} <= {path.name for path in (tmp_path / "out").iterdir()}
     again = shell("study", study, "--out", tmp_path / "out", "--json")
-    assert "all is there already" in again.stderr
+    assert "already complete" in again.stderr
     assert again.json == json.loads((tmp_path / "out" / "study.json").read_text())
     assert again.json["schema"] == 1
 
