@@ -19,8 +19,8 @@ class PlanDocument(BaseModel):
     schema_version: Literal[1] = Field(alias="schema")
     missed: tuple[str, ...] = Field(description="effects that matter here and are left out")
     plan: Plan
-    sampling: SamplingRecord | None = Field(None, description="what a target error or a time budget would choose")
-    budget: BudgetRecord | None = Field(None, description="what a budget of the whole bake would choose")
+    sampling: SamplingRecord | None = Field(None, description="sampling chosen for a target error or a time budget")
+    budget: BudgetRecord | None = Field(None, description="parameters chosen for a budget of the whole bake")
 
     @classmethod
     def of(cls, plan: Plan, sampling: SamplingRecord | None = None, budget: BudgetRecord | None = None) -> PlanDocument:

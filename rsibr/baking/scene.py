@@ -81,7 +81,7 @@ class Scene:
         """
         own = self.config
         if (config.environment, config.material) != (own.environment, own.material):
-            raise ValueError("environment and material must be those of the scene")
+            raise ValueError("the environment and the material must be those of the scene")
         return replace(self, config=config, block=block)
 
     @property

@@ -79,7 +79,13 @@ def bake(
 
 @backend.in_session
 def plan(config: ConfigLike, *, overrides: Sequence[str] = ()) -> Plan:
-    """Plan a bake, with the resolution, views and samples that its budget chooses; see `rsibr.baking.forecast.plan`."""
+    """Plan a bake, with the resolution, views and samples that its budget chooses; see `rsibr.baking.forecast.plan`.
+
+    Examples
+    --------
+    >>> plan = rsibr.plan("configs/demo.toml")                                             # doctest: +SKIP
+    >>> [effect.name for effect in plan.effects if effect.on]                              # doctest: +SKIP
+    """
     return planned(config, overrides)[0]
 
 

@@ -49,7 +49,7 @@ class MethodSet(Mapping[str, Method]):
         InputError
             If no method has this name.
         BakeError
-            If the bake lacks what the method needs.
+            If the bake lacks something that the method requires.
         """
         if name not in self._made:
             self._made[name] = self.variant(name)

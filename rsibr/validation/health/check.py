@@ -33,6 +33,12 @@ def check(bake: Bake | Path | str, *, out: Path | str | None = None) -> Health:
         If the bake cannot be read, or `out` cannot be written.
     MachineError
         If the machine has no usable backend.
+
+    Examples
+    --------
+    >>> health = rsibr.check("out/paint.rsibr")       # doctest: +SKIP
+    >>> health.trusted, health.warnings               # doctest: +SKIP
+    (True, 0)
     """
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
     health = assess(opened, [view for _, view in novel_views(opened, DEFAULT_VIEWS)])
