@@ -11,7 +11,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
 from sphinx.application import Sphinx
+
+LONG = 32
+"""Characters of inline code above which it may break in a table."""
 
 _PUBLIC, _ROOMS, _NOTEBOOKS = "reference/public", "reference/rooms", "notebooks"
 
@@ -83,7 +87,15 @@ def _section(name: str, underline: str) -> str:
     return f"{name}\n{underline * len(name)}\n\n.. automodule:: {name}\n"
 
 
+def mark_long_code(_app: Sphinx, doctree: nodes.document) -> None:
+    """Let `site.css` break long code in tables: the name of a test would take the width of the others' columns."""
+    for literal in doctree.findall(nodes.literal):
+        if len(literal.astext()) > LONG:
+            literal["classes"].append("long")
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Write the pages before any is read."""
+    """Write the pages before any is read, and mark what is long in those that were."""
     app.connect("builder-inited", write_pages)
+    app.connect("doctree-read", mark_long_code)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
