@@ -31,6 +31,7 @@ def package_versions() -> dict[str, str]:
     return {name: rsibr.__version__ if name == "rsibr" else version(name) for name in RECORDED}
 
 
+@backend.in_session
 def finished_bake(config: Config, out: Path | str, digests: dict[str, str] | None = None) -> Bake | None:
     """Open the bake of a config where it is complete.
 
