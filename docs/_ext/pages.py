@@ -52,13 +52,18 @@ def _public_pages(package: Path) -> Iterator[tuple[str, str]]:
         for node in tree.body
         if isinstance(node, ast.Assign)
         and isinstance(node.targets[0], ast.Name)
-        and node.targets[0].id in {"_HOME", "__all__"}
+        and node.targets[0].id in {"_HOME", "_MODULES", "__all__"}
     }
     for name in constants["__all__"]:
         if name in constants["_HOME"]:
-            directive = _directive(package, constants["_HOME"][name], name)
-            heading = f"rsibr.{name}"
-            yield name, f"{heading}\n{'=' * len(heading)}\n\n.. currentmodule:: rsibr\n\n{directive}\n"
+            content = f".. currentmodule:: rsibr\n\n{_directive(package, constants['_HOME'][name], name)}"
+        elif name in constants["_MODULES"]:
+            module = constants["_MODULES"][name]
+            content = f"The module `{module}` under a short name.\n\n.. automodule:: {module}\n   :no-index:"
+        else:
+            continue
+        heading = f"rsibr.{name}"
+        yield name, f"{heading}\n{'=' * len(heading)}\n\n{content}\n"
 
 
 def _directive(package: Path, module: str, name: str) -> str:
