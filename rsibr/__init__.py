@@ -17,6 +17,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from rsibr.version import __version__
+
 if TYPE_CHECKING:
     from rsibr.budget.bake import bake as bake
     from rsibr.budget.bake import plan as plan
@@ -37,8 +39,6 @@ if TYPE_CHECKING:
     from rsibr.validation.report import pictures as pictures
     from rsibr.validation.validation import timed as timed
     from rsibr.validation.validation import validate as validate
-
-__version__ = "0.2.0"
 
 _HOME = {
     "Method": "rsibr.methods.protocol",

@@ -82,22 +82,9 @@ def _say_time() -> None:
 
 
 def _fail(error: RsibrError) -> int:
-    error = _of_the_command_line(error)
     typer.secho(f"error: {error}", fg="red", err=True)
     _say_json(error, error.exit_code)
     return error.exit_code
-
-
-def _of_the_command_line(error: RsibrError) -> RsibrError:
-    """Name the option where an error names the parameter of the Python function that the command calls."""
-    from rsibr.cli.app import app
-
-    commands = getattr(typer.main.get_command(app), "commands", {})
-    chosen = next((commands[word] for word in sys.argv[1:] if word in commands), None)
-    options = {one.name: one.opts[0] for one in chosen.params if one.opts[0].startswith("-")} if chosen else {}
-    if error.where not in options:
-        return error
-    return type(error)(error.what, where=options[error.where], fix=error.fix)
 
 
 def _interrupted(number: signal.Signals) -> int:
