@@ -29,6 +29,7 @@ from typing import Any, Literal, ParamSpec, TypeVar, cast
 import drjit as dr
 import mitsuba as mi
 
+from rsibr import clock
 from rsibr.errors import InputError, MachineError
 
 Device = Literal["cuda", "llvm"]
@@ -150,6 +151,7 @@ def use(device: Device | None = None) -> str:
         mi.set_variant(variant)
     if _registered.get(variant) != len(_registrations):
         _register_plugins(variant)
+    clock.note_ready()
     return variant
 
 

@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -14,6 +15,7 @@ from typing import Any
 
 import typer
 
+from rsibr import clock
 from rsibr.errors import InputError, MachineError, RsibrError
 
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
@@ -42,7 +44,7 @@ def run(command: Callable[[], Any]) -> int:
         What is no fault of the user's or the machine's is raised: a bug may show its traceback.
     """
     try:
-        with _terminable(), _results_alone_on_stdout():
+        with clock.counting(clock.process_start()), _terminable(), _results_alone_on_stdout():
             return _ended(command)
     except BrokenPipeError:
         return _GONE
@@ -55,6 +57,7 @@ def run(command: Callable[[], Any]) -> int:
 def _ended(command: Callable[[], Any]) -> int:
     try:
         code = command()
+        _say_time()
         sys.stdout.flush()
     except RsibrError as error:
         return _fail(error)
@@ -69,10 +72,32 @@ def _ended(command: Callable[[], Any]) -> int:
     return _interrupted(signal.SIGINT) if code == 128 + signal.SIGINT else int(code or 0)
 
 
+def _say_time() -> None:
+    """Say how long the user waited in all, and for what before the work began; nothing where no backend was used."""
+    start_up = clock.start_up_seconds()
+    if start_up is None or "--json" in sys.argv:
+        return
+    whole = time.perf_counter() - clock.waiting_since()
+    typer.echo(f"{whole:.1f} s in all, {start_up:.1f} s of it start-up")
+
+
 def _fail(error: RsibrError) -> int:
+    error = _of_the_command_line(error)
     typer.secho(f"error: {error}", fg="red", err=True)
     _say_json(error, error.exit_code)
     return error.exit_code
+
+
+def _of_the_command_line(error: RsibrError) -> RsibrError:
+    """Name the option where an error names the parameter of the Python function that the command calls."""
+    from rsibr.cli.app import app
+
+    commands = getattr(typer.main.get_command(app), "commands", {})
+    chosen = next((commands[word] for word in sys.argv[1:] if word in commands), None)
+    options = {one.name: one.opts[0] for one in chosen.params if one.opts[0].startswith("-")} if chosen else {}
+    if error.where not in options:
+        return error
+    return type(error)(error.what, where=options[error.where], fix=error.fix)
 
 
 def _interrupted(number: signal.Signals) -> int:

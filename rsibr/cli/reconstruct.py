@@ -30,6 +30,9 @@ def reconstruct(
     result.write(out)
     if json_output:
         state = {"file": str(out), "view": result.view.tolist(), "method": result.method, "seconds": result.seconds}
-        typer.echo(json.dumps(state | {"resolution": len(result.image)}))
+        typer.echo(json.dumps(state | {"prepare_seconds": result.prepare_seconds, "resolution": len(result.image)}))
     else:
-        typer.echo(f"{out}: {result.method}, {len(result.image)}², {result.seconds * 1e3:.1f} ms (compiling included)")
+        typer.echo(
+            f"{out}: {result.method}, {len(result.image)}², prepared in {result.prepare_seconds:.2f} s, "
+            f"made in {result.seconds * 1e3:.1f} ms (compiling included)"
+        )

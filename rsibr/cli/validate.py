@@ -12,7 +12,7 @@ from rsibr.cli.options import BakePath, Imports, Json, check_output_folder, impo
 if TYPE_CHECKING:
     from rsibr.validation.results import Validation
 
-TABLE_WIDTH = 110
+TABLE_WIDTH = 130
 """Columns that the table of methods takes at least."""
 
 MOST_VIEWS = 10_000
@@ -65,12 +65,24 @@ def print_validation(found: Validation, out: Path, *, json_output: bool) -> None
     from rich.table import Table
 
     table = Table(box=SIMPLE_HEAD)
-    for heading in ("method", "relMSE", "SMAPE", "FLIP", "ms a map", "s to bake", "pays after (views)"):
+    for heading in (
+        "method",
+        "relMSE",
+        "SMAPE",
+        "FLIP",
+        "ms a map",
+        "ns a point",
+        "s to bake",
+        "s to prepare",
+        "pays after (views)",
+    ):
         table.add_column(heading, no_wrap=True)
     for name, summary in found.summary.items():
         pays = "never" if summary.break_even_views is None else str(summary.break_even_views)
         row = (str(summary.rel_mse), f"{summary.smape:.4f}", f"{summary.flip:.4f}", f"{summary.seconds * 1e3:.1f}")
-        table.add_row(name, *row, f"{found.bake.seconds:.1f}", pays)
+        point = "" if summary.eval_seconds is None else f"{summary.eval_seconds * 1e9:.0f}"
+        prepare = f"{summary.prepare_seconds + summary.compile_seconds:.1f}"
+        table.add_row(name, *row, point, f"{found.bake.seconds:.1f}", prepare, pays)
     console = Console(highlight=False)
     console.width = max(console.width, TABLE_WIDTH)  # where nothing says how wide it is, a narrow one is assumed
     console.print(table)

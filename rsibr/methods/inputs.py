@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 _T = TypeVar("_T")
 
 
-@dataclass
+@dataclass(eq=False)
 class SharedTime:
     """Time of shared inputs, noted while something used them.
 
@@ -73,6 +73,7 @@ class MethodInputs:
         self.bake = bake
         self._kept: dict[str, Any] = {}
         self._seconds: dict[str, float] = {}
+        self._uses: dict[str, set[str]] = {}
         self._nested = 0.0
         self._watching: list[SharedTime] = []
 
@@ -149,16 +150,21 @@ class MethodInputs:
 
     def _get(self, name: str, make: Callable[[Any], _T]) -> _T:
         if name not in self._kept:
-            outer, self._nested, start = self._nested, 0.0, time.perf_counter()
-            with backend.session():
-                self._kept[name] = make(self)
-                backend.synchronize()
-            whole = time.perf_counter() - start
-            self._seconds[name] = whole - self._nested  # what an input needs of another counts there
-            self._nested = outer + whole
-            for watch in self._watching:
-                watch.seconds_here += self._seconds[name]
+            self._make(name, make)
         for watch in self._watching:
-            watch.used.add(name)
+            watch.used |= self._uses[name]
         value: _T = self._kept[name]
         return value
+
+    def _make(self, name: str, make: Callable[[Any], Any]) -> None:
+        outer, self._nested = self._nested, 0.0
+        with backend.session(), self.watched() as inner:
+            start = time.perf_counter()
+            self._kept[name] = make(self)
+            backend.synchronize()
+            whole = time.perf_counter() - start
+        self._uses[name] = inner.used | {name}
+        self._seconds[name] = whole - self._nested  # what an input needs of another counts there
+        self._nested = outer + whole
+        for watch in self._watching:
+            watch.seconds_here += self._seconds[name]

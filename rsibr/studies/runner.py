@@ -31,7 +31,7 @@ from rsibr.studies.truth import TruthStore
 BAKES_NAME, REFERENCES_NAME, JOURNAL_NAME = "bakes", "references", "journal"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Study:
     """A finished study.
 
@@ -45,6 +45,10 @@ class Study:
 
     document: StudyDocument
     out: Path
+
+    def __repr__(self) -> str:
+        points = sum(len(scene.points) for scene in self.document.scenes)
+        return f"Study({self.document.name!r}: {len(self.document.scenes)} scenes, {points} points)"
 
     @property
     def scenes(self) -> list[tuple[SceneRecord, SceneAnalysis]]:

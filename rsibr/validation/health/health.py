@@ -113,7 +113,7 @@ class Finding:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Health:
     """What `rsibr check` found.
 
@@ -155,6 +155,10 @@ class Health:
     near_singularity: float | None
     clamp: float | None
     pictures: dict[int, Rgba]
+
+    def __repr__(self) -> str:
+        verdict = "trusted" if self.trusted else "not to be trusted"
+        return f"Health({self.views} views, {self.texels} texels: {verdict}, {self.warnings} warnings)"
 
     @property
     def trusted(self) -> bool:
