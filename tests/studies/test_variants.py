@@ -74,7 +74,4 @@ def test_bytes_are_those_of_the_maps_that_a_method_reads(bake):
     texels = 12 * 16 * 16 * 3
     assert bytes_read(bake, "cabral1999", "float32") == 4 * texels
     assert bytes_read(bake, "cabral1999", "float16") == 2 * texels
-    assert (
-        bytes_read(bake, "rsibr", "float32")
-        == bytes_read(bake, "blend", "float32") + bake.light.nbytes
-    )
+    assert bytes_read(bake, "rsibr", "float32") == bytes_read(bake, "blend", "float32") + bake.light.nbytes
