@@ -27,11 +27,18 @@ class RsibrError(Exception):
         self.where = where
         self.fix = fix
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return _made, (type(self), self.what, self.where, self.fix)  # pickled, so that other processes can raise it
+
     def __str__(self) -> str:
         """Return the message in one line: location, cause, remedy."""
         place = f"{self.where}: " if self.where else ""
         remedy = f". {self.fix[:1].upper()}{self.fix[1:]}" if self.fix else ""
         return " ".join(f"{place}{self.what}{remedy}".split())
+
+
+def _made(kind: type[RsibrError], what: str, where: str, fix: str) -> RsibrError:
+    return kind(what, where=where, fix=fix)
 
 
 class InputError(RsibrError):

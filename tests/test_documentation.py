@@ -192,6 +192,11 @@ def test_the_page_of_the_file_format_has_every_field_of_the_manifest():
     assert set(rows) == {*Manifest.model_fields, "checksum"}
 
 
+def test_the_page_of_python_has_every_public_name():
+    text = page("how-to/python.md").text
+    assert {name for name in rsibr.__all__ if name != "__version__" and f"`rsibr.{name}`" not in text} == set()
+
+
 def test_the_readme_is_one_page():
     assert len(Page(ROOT / "README.md").text.splitlines()) <= 120
 

@@ -11,7 +11,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
 from sphinx.application import Sphinx
+
+LONG = 32
+"""Characters of inline code above which it may break in a table."""
 
 _PUBLIC, _ROOMS, _NOTEBOOKS = "reference/public", "reference/rooms", "notebooks"
 
@@ -48,13 +52,18 @@ def _public_pages(package: Path) -> Iterator[tuple[str, str]]:
         for node in tree.body
         if isinstance(node, ast.Assign)
         and isinstance(node.targets[0], ast.Name)
-        and node.targets[0].id in {"_HOME", "__all__"}
+        and node.targets[0].id in {"_HOME", "_MODULES", "__all__"}
     }
     for name in constants["__all__"]:
         if name in constants["_HOME"]:
-            directive = _directive(package, constants["_HOME"][name], name)
-            heading = f"rsibr.{name}"
-            yield name, f"{heading}\n{'=' * len(heading)}\n\n.. currentmodule:: rsibr\n\n{directive}\n"
+            content = f".. currentmodule:: rsibr\n\n{_directive(package, constants['_HOME'][name], name)}"
+        elif name in constants["_MODULES"]:
+            module = constants["_MODULES"][name]
+            content = f"The module `{module}` under a short name.\n\n.. automodule:: {module}\n   :no-index:"
+        else:
+            continue
+        heading = f"rsibr.{name}"
+        yield name, f"{heading}\n{'=' * len(heading)}\n\n{content}\n"
 
 
 def _directive(package: Path, module: str, name: str) -> str:
@@ -83,7 +92,15 @@ def _section(name: str, underline: str) -> str:
     return f"{name}\n{underline * len(name)}\n\n.. automodule:: {name}\n"
 
 
+def mark_long_code(_app: Sphinx, doctree: nodes.document) -> None:
+    """Let `site.css` break long code in tables: the name of a test would take the width of the others' columns."""
+    for literal in doctree.findall(nodes.literal):
+        if len(literal.astext()) > LONG:
+            literal["classes"].append("long")
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Write the pages before any is read."""
+    """Write the pages before any is read, and mark what is long in those that were."""
     app.connect("builder-inited", write_pages)
+    app.connect("doctree-read", mark_long_code)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -17,7 +17,7 @@ from rsibr.store.map_file import MapFile
 from rsibr.store.stored_maps import StoredMaps
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DescribedMaps:
     """Base class of maps with a manifest: all properties that follow from the manifest.
 
@@ -31,6 +31,11 @@ class DescribedMaps:
 
     path: Path
     manifest: Manifest
+
+    def __repr__(self) -> str:
+        told = self.manifest
+        views = f"{self.view_count} views of {self.resolution}²"
+        return f"{type(self).__name__}({self.path.name!r}: {views}, {told.material.name} under {told.environment.name})"
 
     @property
     def view_count(self) -> int:
@@ -77,7 +82,7 @@ class DescribedMaps:
         return triangles
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MapsInMemory(DescribedMaps):
     """Maps in memory, such as those of a probe.
 
@@ -97,7 +102,7 @@ class MapsInMemory(DescribedMaps):
         return self.maps[index]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class AlteredMaps(DescribedMaps):
     """Maps of a bake, each modified when it is read.
 

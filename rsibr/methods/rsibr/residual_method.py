@@ -36,7 +36,7 @@ from rsibr.methods.warp_blend.warp import MirrorWarp, Warp
 from rsibr.methods.warp_blend.warp_blend import WarpBlend
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class ResidualMethod(WarpBlend):
     """Prediction P of all lobes plus the warped residuals of the stored maps.
 

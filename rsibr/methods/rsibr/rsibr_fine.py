@@ -15,7 +15,7 @@ from rsibr.methods.rsibr.polar_grid import PolarGrid
 from rsibr.methods.rsibr.residual_method import ResidualMethod, ResidualOptions, residual_method
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class RsibrFine(ResidualMethod):
     """Prediction P = Σ_k E_k P_k/E_k with the reflection integral of each lobe; docs/method.md, section 6.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
@@ -112,7 +112,7 @@ class Finding:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Health:
     """Result of `rsibr check`.
 
@@ -156,6 +156,10 @@ class Health:
     clamp: float | None
     pictures: dict[int, Rgba]
 
+    def __repr__(self) -> str:
+        verdict = "trusted" if self.trusted else "unusable"
+        return f"Health({self.views} views, {self.texels} texels: {verdict}, {self.warnings} warnings)"
+
     @property
     def trusted(self) -> bool:
         """Whether the maps are usable: no texel is NaN, Inf or missing."""
@@ -169,7 +173,10 @@ class Health:
 
 
 def assess(
-    bake: Bake, views: Sequence[NDArray[np.float64]], environment: Callable[[], Environment] | None = None
+    bake: Bake,
+    views: Sequence[NDArray[np.float64]],
+    environment: Callable[[], Environment] | None = None,
+    maps: Iterable[MapFile] | None = None,
 ) -> Health:
     """Assess every map of a bake, all maps jointly, and lookups of novel views near singularities.
 
@@ -181,6 +188,8 @@ def assess(
         Novel view directions, for the share of texels near a singularity.
     environment : callable, optional
         Returns the environment of the bake, or raises an `InputError`; by default it is loaded.
+    maps : iterable of MapFile, optional
+        Maps of the bake if they are decoded already; by default they are read one by one.
 
     Returns
     -------
@@ -194,7 +203,7 @@ def assess(
     are counts, not statistical tests.
     """
     backend.use()
-    survey = _Survey(bake)
+    survey = _Survey(map(bake.map, range(bake.view_count)) if maps is None else maps)
     drifts, above, note = _judge_energy(bake, survey.means, environment or partial(_environment_of, bake))
     return Health(
         bake=str(bake.path),
@@ -215,14 +224,14 @@ def assess(
 class _Survey:
     """Single pass over all maps of a bake."""
 
-    def __init__(self, bake: Bake) -> None:
+    def __init__(self, maps: Iterable[MapFile]) -> None:
         self.texels = 0
         self.largest = 0.0
         self.relative_errors: list[float] = []
         self._masks = {kind: [0, 0] for kind in KINDS}
         self._places: dict[str, list[tuple[float, Place]]] = {kind: [] for kind in KINDS}
         self._drawn: list[tuple[int, float, int, Rgba]] = []
-        means, errors = zip(*(self._see(index, bake.map(index)) for index in range(bake.view_count)), strict=True)
+        means, errors = zip(*(self._see(index, map_file) for index, map_file in enumerate(maps)), strict=True)
         self.means = MapMeans(np.stack(means), np.stack(errors))
 
     def findings(self) -> dict[str, Finding]:
