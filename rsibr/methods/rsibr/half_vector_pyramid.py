@@ -26,7 +26,7 @@ LEVELS = 5
 
 _COARSEST = 5, 16  # texels a side of the coarsest level: minimum, maximum
 _TAPS = 6
-_ADDED = 3.0  # variance of the blur from one level to the next, in texels² of the finer: 1 + 3 = 2² doubles the width
+_ADDED = 3.0  # variance of the Gaussian that the taps sample, in texels² of the finer level; six taps keep 1.9965 of it
 _FIRST = 0.25  # variance of level 0 in its texels²: blur of the environment lookup of each texel
 _LOOKUP = 1 / 6  # variance of a bilinear lookup (tent filter) in texels²
 _LEAST_HEIGHT = 0.01  # minimum h·v in the width of that lookup
@@ -88,7 +88,7 @@ def balance(weights: list[CosineTable], resolution: int) -> mi.Float:
     """Factors β on the texels of the collapsed map that make a constant environment exact; eq. 30.
 
     A coarse level has too few texels to follow weights that change fast with the surface angle. Without the factors
-    the radiance under a constant environment would be off by up to 5 %.
+    the radiance under a constant environment would be off; over six presets the factors lie between 0.92 and 1.15.
 
     Parameters
     ----------

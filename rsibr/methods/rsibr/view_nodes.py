@@ -26,7 +26,7 @@ from rsibr.methods.rsibr.lobe_integral import LobeIntegral
 from rsibr.methods.rsibr.polar_grid import NODES, interpolated, node_normals
 
 SUBDIVISION = 2
-"""Subdivision of the icosphere of view nodes: 162 nodes, 18° apart."""
+"""Subdivision of the icosphere of view nodes: 162 nodes, 16° to 19° apart."""
 
 _LEAST_CONFIDENCE = 1e-4  # minimum cosine of a node's normal, reached at the node's horizon
 
