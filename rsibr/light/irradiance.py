@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.projections.octahedral import texel_directions, texel_solid_angles
+from rsibr.geometry.to_device import to_device
 
 RESOLUTION = 64
 """Texels a side of an irradiance map, octahedral."""
 
 _BLOCKS = 128  # blocks a side into which the environment is merged
+_COLUMNS = 7  # of the table of blocks: direction, radiance, solid angle
 
 
 def irradiance_map(picture: NDArray[np.float32], weights: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -33,15 +37,41 @@ def irradiance_map(picture: NDArray[np.float32], weights: NDArray[np.float64]) -
     The weight of a direction with cosine c is c (w_bare + w_coated (1 − (1 − c)⁵)), Schlick's transmission.
     """
     weights = np.where(weights.any(axis=0), weights, 1.0)  # in a black channel any shape serves
-    radiance, angles, directions = _blocks(picture)
-    level = np.empty((RESOLUTION**2, 3))
-    normals = np.array(texel_directions(RESOLUTION), dtype=np.float64).T
-    for rows in np.array_split(np.arange(len(level)), RESOLUTION // 4):  # in parts, to bound the memory
-        cosines = np.maximum(normals[rows] @ directions.T, 0)
-        coated = cosines * (1 - (1 - cosines) ** 5)
-        gathered, total = ((cosines @ x) * weights[0] + (coated @ x) * weights[1] for x in (radiance, angles))
-        level[rows] = gathered / total
-    return level.astype(np.float32).reshape(RESOLUTION, RESOLUTION, 3)
+    gathered, total = _gathered(*_blocks(picture), is_coated=bool(weights[1].any()))
+    mean = np.einsum("lc,lnc->nc", weights, gathered) / np.einsum("lc,ln->nc", weights, total)
+    return mean.astype(np.float32).reshape(RESOLUTION, RESOLUTION, 3)
+
+
+def _gathered(
+    radiance: NDArray[np.float64], angles: NDArray[np.float64], directions: NDArray[np.float64], is_coated: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sum over the blocks, weighted by the bare and the coated lobe: radiance, shape (2, N, 3), and angle, (2, N).
+
+    In double precision, so that sixteen thousand terms round to the same float32 in any order.
+    """
+    rows = np.concatenate([directions, radiance, angles[:, :1]], axis=1)
+    table, count = to_device(mi.Float64, rows), dr.opaque(mi.UInt32, len(rows))
+    normals = mi.Vector3d(texel_directions(RESOLUTION))
+
+    def add(i: mi.UInt32, bare: mi.Vector4d, coated: mi.Vector4d) -> tuple[mi.UInt32, mi.Vector4d, mi.Vector4d]:
+        x, y, z, *light = (dr.gather(mi.Float64, table, _COLUMNS * i + column) for column in range(_COLUMNS))
+        cosine = dr.maximum(dr.dot(normals, mi.Vector3d(x, y, z)), 0)
+        block = mi.Vector4d(*light)
+        if is_coated:
+            beside = 1 - cosine
+            coated += block * (cosine * (1 - dr.square(dr.square(beside)) * beside))
+        return i + 1, bare + block * cosine, coated
+
+    lanes = RESOLUTION**2
+    _, *sums = dr.while_loop(
+        state=(mi.UInt32(0), dr.zeros(mi.Vector4d, lanes), dr.zeros(mi.Vector4d, lanes)),
+        cond=lambda i, _bare, _coated: i < count,
+        body=add,
+        labels=("i", "bare", "coated"),
+        label="irradiance",
+    )
+    both = np.stack([np.array(one, dtype=np.float64).T for one in sums])
+    return both[..., :3], both[..., 3]
 
 
 def _blocks(light: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
