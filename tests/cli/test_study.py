@@ -36,7 +36,7 @@ def test_a_study_prints_what_it_expects_and_what_it_found(shell: Shell, study, t
     assert "expected to take" in ended.stderr
     assert "matte-lambert under constant: Pareto front" in ended.stdout
     assert "gain of doubling the time" in ended.stdout
-    assert ended.stdout.endswith(f"report: {tmp_path / 'out' / 'study.html'}\n")
+    assert f"\nreport: {tmp_path / 'out' / 'study.html'}\n" in ended.stdout
     assert {"study.html", "study.json", "study.csv"} <= {path.name for path in (tmp_path / "out").iterdir()}
     again = shell("study", study, "--out", tmp_path / "out", "--json")
     assert "already complete" in again.stderr
