@@ -39,7 +39,7 @@ def irradiance_map(picture: NDArray[np.float32], weights: NDArray[np.float64]) -
     weights = np.where(weights.any(axis=0), weights, 1.0)  # in a black channel any shape serves
     gathered, total = _gathered(*_blocks(picture), is_coated=bool(weights[1].any()))
     mean = np.einsum("lc,lnc->nc", weights, gathered) / np.einsum("lc,ln->nc", weights, total)
-    return mean.astype(np.float32).reshape(RESOLUTION, RESOLUTION, 3)
+    return np.asarray(mean.reshape(RESOLUTION, RESOLUTION, 3), dtype=np.float32)
 
 
 def _gathered(
