@@ -68,7 +68,7 @@ def _print(found: Study) -> None:
 
     frames = found.document.judge.frames
     for scene, analysis in found.scenes:
-        typer.echo(f"\n{scene.name}: the best in its time, to bake and to make {frames} pictures")
+        typer.echo(f"\n{scene.name}: the best in its time, bake, preparation and {frames} pictures")
         by_label = {point.label: point for point in scene.points}
         rivals = {row.label: row for row in analysis.rivals}
         for label in analysis.job_front:
@@ -80,4 +80,6 @@ def _print(found: Study) -> None:
     typer.echo("\nwhat twice the time buys, mean over the scenes")
     for sentence in answer(found.document.doubling, frames):
         typer.echo(f"  {sentence}")
+    document = found.document
+    typer.echo(f"forecast {duration(document.expected_seconds)}, took {duration(document.seconds)}")
     typer.echo(f"report: {found.out / 'study.html'}")

@@ -60,12 +60,17 @@ class Variant:
     weights: str
     precision: str
 
+    @property
+    def has_own_weights(self) -> bool:
+        """Whether the weights are those that the method takes by itself."""
+        return self.weights == own_weights(self.method)
+
     def __str__(self) -> str:
         """Name what differs from the method as it is."""
         parts = [self.method]
         if self.warp != PER_TEXEL:
             parts.append(self.warp)
-        if self.weights != own_weights(self.method):
+        if not self.has_own_weights:
             parts.append(f"{self.weights} weights")
         if self.precision != "float32":
             parts.append(self.precision)
@@ -139,6 +144,11 @@ def _variant(method: str, warp: str, weights: str, precision: str) -> Variant | 
     if weights not in ("own", own) and own == NO_WEIGHTS:
         return None
     return Variant(method, warp, own if weights == "own" else weights, precision)
+
+
+def variant_as_is(method: str) -> Variant:
+    """Return the variant of a method that alters nothing."""
+    return Variant(method, PER_TEXEL, own_weights(method), "float32")
 
 
 def own_weights(method: str) -> str:

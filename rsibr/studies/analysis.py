@@ -16,7 +16,7 @@ JOBS = (1, 10, 100, 1000, 10_000)
 """Pictures of the jobs for which the crossover is told."""
 
 COSTS: dict[str, Callable[[PointRecord], float]] = {
-    "bake_seconds": lambda point: point.bake.seconds.median,
+    "once_seconds": lambda point: point.once_seconds,
     "bytes": lambda point: float(point.bytes),
     "frame_seconds": lambda point: point.frame_seconds.median,
 }
@@ -47,14 +47,16 @@ class ConvergenceRecord(Record):
 
     label: str
     points: list[str] = Field(description="labels, by rising samples")
-    slope: SlopeRecord | None = Field(description="of error against bake seconds; null where an error is not positive")
+    slope: SlopeRecord | None = Field(
+        description="of error against the rendering time of the views; null where an error is not positive"
+    )
     bias: Positive = Field(description="fitted: what no number of samples takes away")
     noise: Positive = Field(description="fitted, times samples")
     predicted_noise: Positive = Field(
         description="from the stored variance, times samples: geometric mean of the points"
     )
     flattens_at_samples: float | None = Field(description="where noise and bias are equal; null without a bias")
-    flattens_at_seconds: float | None = Field(description="the same in seconds of baking")
+    flattens_at_seconds: float | None = Field(description="the same in rendering time of the views")
 
 
 class FrontRecord(Record):
@@ -69,11 +71,13 @@ class RivalRow(Record):
 
     label: str
     rel_mse: float
-    job_seconds: Positive = Field(description="to bake and to make all pictures of the job")
+    job_seconds: Positive = Field(description="bake, preparation, compilation and all pictures of the job")
     path_tracing_rel_mse: Positive = Field(description="what path tracing reaches in the same time")
     frame_seconds: Positive
     path_tracing_seconds: float | None = Field(description="a picture of equal relMSE; null where that is not positive")
-    break_even_views: int | None = Field(description="pictures after which the bake has paid for itself; null: never")
+    break_even_views: int | None = Field(
+        description="pictures after which bake, preparation and compilation have paid for themselves; null: never"
+    )
     extrapolated: bool = Field(description="path tracing's error or time lies beyond what was measured of it")
 
 
@@ -93,7 +97,7 @@ class SceneAnalysis(Record):
     path_tracing: SlopeRecord
     progressive: SlopeRecord = Field(description="path tracing in passes: -1 where the passes are independent")
     convergence: list[ConvergenceRecord]
-    fronts: dict[str, FrontRecord] = Field(description="over bake_seconds, bytes and frame_seconds")
+    fronts: dict[str, FrontRecord] = Field(description="over once_seconds, bytes and frame_seconds")
     job_front: list[str] = Field(description="points that nothing beats in error and time of the whole job")
     rivals: list[RivalRow] = Field(description="every point, in the order of its job's time")
     crossover: list[CrossoverRecord]
@@ -138,7 +142,8 @@ def convergence_of(points: Sequence[PointRecord]) -> list[ConvergenceRecord]:
 
 
 def _convergence(label: str, curve: Sequence[PointRecord]) -> ConvergenceRecord:
-    samples, seconds = [p.bake.samples for p in curve], [p.bake.seconds.median for p in curve]
+    # Rendering time alone, as of the path-traced pictures: set-up is constant and would bend the line
+    samples, seconds = [p.bake.samples for p in curve], [p.bake.views_seconds.median for p in curve]
     errors = [p.rel_mse for p in curve]
     known = [(n, e) for n, e in zip(samples, errors, strict=True) if e > 0]
     flattening = fit_flattening(*zip(*known, strict=True)) if len(known) >= 2 else None
@@ -157,7 +162,7 @@ def _convergence(label: str, curve: Sequence[PointRecord]) -> ConvergenceRecord:
 
 
 def _seconds_at(samples: Sequence[float], seconds: Sequence[float], wanted: float) -> float:
-    """Baking time at a number of samples: a share that every bake has, and one that grows with the samples."""
+    """Rendering time at a number of samples, from a straight line through the measured times."""
     rate, start = np.polyfit(samples, seconds, 1)
     return float(max(start + rate * wanted, 0.0))
 
@@ -179,7 +184,7 @@ def _rival(point: PointRecord, law: PowerLaw, frames: int) -> RivalRow:
         path_tracing_rel_mse=law.at(job / frames),
         frame_seconds=frame,
         path_tracing_seconds=equal,
-        break_even_views=None if equal is None else break_even_views(point.bake.seconds.median, equal, frame),
+        break_even_views=None if equal is None else break_even_views(point.once_seconds, equal, frame),
         extrapolated=any(not law.range[0] <= seconds <= law.range[1] for seconds in asked),
     )
 

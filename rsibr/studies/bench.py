@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
+from rsibr import clock
 from rsibr.baking.baker import bake
 from rsibr.baking.finished import finished_bake
 from rsibr.baking.scene import Scene
@@ -28,6 +29,9 @@ from rsibr.studies.results import (
 )
 from rsibr.studies.scene import StudyScene
 
+_FORMAT = 2
+"""Version of the records in the journal; those of another version are measured anew."""
+
 
 @dataclass(eq=False)
 class Bench:
@@ -41,11 +45,15 @@ class Bench:
         Finished results.
     bakes : Path
         Folder of the bakes.
+    compiled : dict of str to float
+        Longest compilation time of the bakes and of each variant so far [s]. A process compiles a kernel once; every
+        bake and point is charged with the time, whichever came first. All scenes of a study share it.
     """
 
     judged: JudgedScene
     journal: Journal
     bakes: Path
+    compiled: dict[str, float] = field(default_factory=dict)
     _opened: BakedMaps | None = None
 
     @property
@@ -57,7 +65,7 @@ class Bench:
         """What a result depends on, beside its own settings."""
         judge = self.judged.judge
         judged = {"judged": [frame.tolist() for frame in self.judged.frames], "reference_samples": judge.samples}
-        return {"kind": kind, **self.scene.identity, **judged, "repeats": judge.repeats, **settings}
+        return {"kind": kind, "format": _FORMAT, **self.scene.identity, **judged, "repeats": judge.repeats, **settings}
 
     def known_path_tracing(self, samples: Sequence[int], pass_samples: int | None) -> list[PathTracingRecord] | None:
         """Return what was measured of path tracing before."""
@@ -89,24 +97,45 @@ class Bench:
         if self._opened is None or self._opened.size != size:
             self.bake(size)
         point = cast(BakedMaps, self._opened).measure(variant)
+        as_float32 = str(replace(variant, precision="float32"))  # kernels read float32 in any case
+        point = point.model_copy(update={"compile_seconds": self._longest(as_float32, point.compile_seconds)})
         self.journal.store(self.key("point", size=vars(size), variant=vars(variant)), point.model_dump(mode="json"))
         return point
 
     def bake(self, size: BakeSize) -> None:
         """Bake at a size, or go on with a bake that was killed, and open it; the one opened before is let go."""
         self.release()
-        key = {"kind": "bake", **self.scene.content, "size": vars(size)}
+        key = self._bake_key(size)
         name = re.sub(r"\W+", "-", f"{self.scene.material_name} {self.scene.environment_name}")
         path = self.bakes / f"{name}-{checksum(canonical(key))[:12]}.rsibr"
         begun, scene = path.exists(), self.scene.prepared.resized(size.config(self.scene.config))
-        shared, start = scene.parts.seconds, time.perf_counter()
         baked = finished_bake(scene.config, path, scene.digests) or _baked(scene, path)
-        wall = shared + time.perf_counter() - start  # as a bake by itself would wait for what this one found made
-        known = self.journal.find(key)
-        if known is None or not begun:
-            known = bake_record(baked, size, None if begun else wall).model_dump(mode="json")
-            self.journal.store(key, known)
-        self._opened = BakedMaps(self.judged, baked, BakeRecord.model_validate_json(canonical(known)), size)
+        record = self.known_bake(size) if begun else None
+        if record is None:
+            record = bake_record(baked, size)
+            record = record.compiling(self._longest("bake", record.compile_seconds))
+            self.journal.store(self._record_key(size), record.model_dump(mode="json"))
+        self._opened = BakedMaps(self.judged, baked, record, size)
+
+    def known_bake(self, size: BakeSize) -> BakeRecord | None:
+        """Return what a bake cost that was made before."""
+        known = self.journal.find(self._record_key(size))
+        return None if known is None else BakeRecord.model_validate_json(canonical(known))
+
+    @property
+    def opened(self) -> BakedMaps | None:
+        """The bake that is open."""
+        return self._opened
+
+    def _bake_key(self, size: BakeSize) -> dict[str, Any]:
+        return {"kind": "bake", **self.scene.content, "size": vars(size)}
+
+    def _record_key(self, size: BakeSize) -> dict[str, Any]:
+        return {**self._bake_key(size), "format": _FORMAT}
+
+    def _longest(self, name: str, seconds: float) -> float:
+        self.compiled[name] = max(seconds, self.compiled.get(name, 0.0))
+        return self.compiled[name]
 
     def release(self) -> None:
         """Let the opened bake go, with its maps on the device."""
@@ -119,7 +148,12 @@ class Bench:
 
 
 def _baked(scene: Scene, path: Path) -> Bake:
-    try:
-        return bake(scene, out=path)
-    except BakeError:  # of an older version, or damaged: the name holds the hash of what it must be
-        return bake(scene, out=path, fresh=True)
+    """Bake a scene; the manifest also counts the time of the shared parts that were made before.
+
+    A bake by itself would have to make them.
+    """
+    with clock.counting(time.perf_counter() - scene.parts.seconds):
+        try:
+            return bake(scene, out=path)
+        except BakeError:  # of an older version, or damaged: the name holds the hash of what it must be
+            return bake(scene, out=path, fresh=True)

@@ -31,6 +31,14 @@ class MachineRecord(Record):
     packages: dict[str, str]
 
 
+class StepRecord(Record):
+    """One step of the study: what it was expected to take and what it took."""
+
+    step: str
+    expected_seconds: Positive
+    seconds: Positive
+
+
 class StudyDocument(Record):
     """`study.json`: error and cost of every point, and what they say together. Times in seconds, sizes in bytes."""
 
@@ -38,8 +46,9 @@ class StudyDocument(Record):
     name: str
     judge: JudgeRecord
     machine: MachineRecord
-    expected_seconds: Positive = Field(description="what this run was expected to take, said before it started")
-    seconds: Positive = Field(description="what it took; only a resumed run's own part")
+    expected_seconds: Positive = Field(description="forecast of this run, told before the first step; sum of the steps")
+    seconds: Positive = Field(description="wall time of this run; a resumed run counts its own part")
+    steps: list[StepRecord] = Field(description="of this run: preparation with start-up, every step, the page")
     scenes: list[SceneRecord]
     analyses: list[SceneAnalysis] = Field(description="one a scene, in their order")
     doubling: list[DoublingRecord] = Field(description="path tracing, then each method: mean over the scenes")

@@ -19,7 +19,7 @@ class DoublingRecord(Record):
 
     method: str
     labels: list[str] = Field(description="points that nothing of the same method beats in error and time at once")
-    seconds: list[Positive] = Field(description="to bake and to make all pictures of the job, rising")
+    seconds: list[Positive] = Field(description="of the whole job, all pictures included; rising")
     rel_mse: list[Positive] = Field(description="falling")
     gain: list[float | None] = Field(
         description="what twice the time divides the error by, in between the points along a straight line on "

@@ -27,7 +27,11 @@ _OTHERS = _METHODS[2:]
 
 _MARKERS = "osD^vP*X"
 _FLOOR = "#e8e8e8"
-_COST_LABELS = {"bake_seconds": ("to bake", "s"), "bytes": ("in memory", "B"), "frame_seconds": ("a picture", "s")}
+_COST_LABELS = {
+    "once_seconds": ("before the first", "s"),
+    "bytes": ("in memory", "B"),
+    "frame_seconds": ("a picture", "s"),
+}
 
 _STYLE: Any = {  # Matplotlib types its keys one by one
     "svg.fonttype": "none",
@@ -95,7 +99,7 @@ def headline(document: StudyDocument) -> Figure:
     )
     right.set_ylim(bottom=0.9)
     for axes in (left, right):
-        axes.set_xlabel(f"time to bake and to make {document.judge.frames} pictures")
+        axes.set_xlabel(f"time of the whole job, {document.judge.frames} pictures")
         _count_in(axes, "s")
     if document.doubling:
         left.legend(loc="best")
@@ -117,9 +121,9 @@ def convergence(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
         _curve(axes, curve, [by_label[label] for label in curve.points], _MARKERS[number % len(_MARKERS)])
     alone = [point for point in scene.points if point.label not in curved and point.rel_mse > 0]
     for point in alone:
-        axes.plot(point.bake.seconds.median, point.rel_mse, ".", color=colour_of(point.method), alpha=0.4)
+        axes.plot(point.bake.views_seconds.median, point.rel_mse, ".", color=colour_of(point.method), alpha=0.4)
     _logarithmic(axes)
-    axes.set(ylabel="relMSE", xlabel="time to bake, or to path-trace one picture")
+    axes.set(ylabel="relMSE", xlabel="rendering time: of the views of a bake, or of one path-traced picture")
     _count_in(axes, "s")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8.5)
     return figure
@@ -194,7 +198,7 @@ def _rival(axes: Axes, rivals: Sequence[PathTracingRecord], law: PowerLaw, name:
 def _curve(axes: Axes, curve: ConvergenceRecord, points: Sequence[PointRecord], marker: str) -> None:
     """Points of a curve, the fit bias + noise/samples, and a mark where the two are equal."""
     colour = colour_of(points[0].method)
-    seconds = np.array([point.bake.seconds.median for point in points])
+    seconds = np.array([point.bake.views_seconds.median for point in points])
     _with_bars(axes, seconds.tolist(), [point.error.rel_mse for point in points], colour, marker)
     samples = np.geomspace(points[0].bake.samples, points[-1].bake.samples, 64)
     rising = np.maximum.accumulate(seconds)  # on a busy machine more samples may once have taken less time

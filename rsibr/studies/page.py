@@ -35,7 +35,7 @@ class _Shown:
     @property
     def on_front(self) -> dict[str, list[str]]:
         """Names of the costs over whose front a point lies, by label."""
-        names = {"bake_seconds": "bake", "bytes": "bytes", "frame_seconds": "picture"}
+        names = {"once_seconds": "start", "bytes": "bytes", "frame_seconds": "picture"}
         return {
             point.label: [names[cost] for cost, front in self.analysis.fronts.items() if point.label in front.on]
             for point in self.scene.points
@@ -47,16 +47,40 @@ class _Shown:
         return min(self.scene.points, key=lambda point: point.rel_mse)
 
     def instead(self, label: str) -> str:
-        """What to take instead of a point that lies on no front, over the time to bake."""
-        return self.analysis.fronts["bake_seconds"].dominated.get(label, "")
+        """Point to take instead of one that is dominated over the time before the first picture."""
+        return self.analysis.fronts["once_seconds"].dominated.get(label, "")
 
 
-def study_page(document: StudyDocument) -> str:
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """The figures of a page, which take nearly all of its time.
+
+    Attributes
+    ----------
+    headline : str
+        The first figure, as a data URI.
+    scenes : list
+        Each scene with its figures.
+    """
+
+    headline: str
+    scenes: list[_Shown]
+
+    @classmethod
+    def of(cls, document: StudyDocument) -> Drawn:
+        """Draw the figures of a study."""
+        pairs = zip(document.scenes, document.analyses, strict=True)
+        return cls(figures.svg_uri(figures.headline(document)), [_shown(scene, analysis) for scene, analysis in pairs])
+
+
+def study_page(document: StudyDocument, drawn: Drawn) -> str:
     """Write the page.
 
     Parameters
     ----------
     document : StudyDocument
+    drawn : Drawn
+        Its figures.
 
     Returns
     -------
@@ -69,9 +93,9 @@ def study_page(document: StudyDocument) -> str:
     template = environment.get_template("study.html.j2")
     return template.render(
         document=document,
-        headline=figures.svg_uri(figures.headline(document)),
+        headline=drawn.headline,
         answer=answer(document.doubling, document.judge.frames),
-        shown=[_shown(scene, analysis) for scene, analysis in zip(document.scenes, document.analyses, strict=True)],
+        shown=drawn.scenes,
         bar=", ".join(bar_colours()),  # of the style that all pages share
         version=rsibr.__version__,
     )
@@ -110,7 +134,7 @@ def _sentence(record: DoublingRecord, frames: int) -> str:
 
 def _shown(scene: SceneRecord, analysis: SceneAnalysis) -> _Shown:
     by_label = {point.label: point for point in scene.points}
-    labels = list(dict.fromkeys([*analysis.job_front, *analysis.fronts["bake_seconds"].on]))
+    labels = list(dict.fromkeys([*analysis.job_front, *analysis.fronts["once_seconds"].on]))
     points = sorted((by_label[label] for label in labels), key=lambda point: -point.rel_mse)[-_MOST_SHOWN:]
     return _Shown(
         scene,

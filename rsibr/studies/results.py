@@ -40,6 +40,11 @@ class Timing(Record):
         """Time of `count` times the work."""
         return Timing(median=count * self.median, low=count * self.low, high=count * self.high, runs=self.runs)
 
+    def plus(self, seconds: float) -> Timing:
+        """Time of the work and of `seconds` of other work, which was measured once."""
+        bounds = {name: getattr(self, name) + seconds for name in ("median", "low", "high")}
+        return Timing(**bounds, runs=self.runs)
+
 
 class ErrorRecord(Record):
     """Error over all judged views, the noise of the reference taken out of relMSE."""
@@ -80,10 +85,21 @@ class BakeRecord(Record):
     resolution: int
     subdivision: int | None = Field(description="of the icosahedron; null for views of the user's own")
     views: int = Field(description="stored views")
-    seconds: Timing = Field(description="all views, each counted with the median view's time: nothing compiled")
-    compile_seconds: Positive = Field(description="what the first view took longer than the median")
-    wall_seconds: float | None = Field(description="whole command, with loading and fitting; null where resumed")
+    seconds: Timing = Field(description="the whole bake: views_seconds and setup_seconds")
+    views_seconds: Timing = Field(description="rendering of all views, each counted with the time of the median view")
+    setup_seconds: Positive = Field(
+        description="the rest of the wall time: loading, probes, lobe fits, light tables, compilation, writing"
+    )
+    compile_seconds: Positive = Field(
+        description="of it the first view's time beyond the median; the longest of all bakes"
+    )
     disk_bytes: int = Field(description="all maps on disk, with their variance, compressed")
+
+    def compiling(self, seconds: float) -> BakeRecord:
+        """Return the same with another compilation time, which counts in the whole."""
+        more = seconds - self.compile_seconds
+        whole = {"seconds": self.seconds.plus(more), "setup_seconds": self.setup_seconds + more}
+        return self.model_copy(update={**whole, "compile_seconds": seconds})
 
 
 class PointRecord(Record):
@@ -101,7 +117,17 @@ class PointRecord(Record):
     lobes: dict[str, EstimateModel] | None = Field(
         description="relMSE that each lobe's own error makes, against the whole's radiance; null where there is one"
     )
-    frame_seconds: Timing = Field(description="a picture")
+    eval_rel_mse: EstimateModel | None = Field(
+        description="relMSE of eval at random points of each texel, mean over the views; null where not judged"
+    )
+    eval_seconds: Timing | None = Field(description="one evaluation of eval, a value a view; null where not judged")
+    prepare_seconds: Positive = Field(
+        description="before the first picture: decoding and upload of maps and light, tables, residuals"
+    )
+    compile_seconds: Positive = Field(
+        description="first picture's time beyond the others: tracing, compilation; the longest of the same variant"
+    )
+    frame_seconds: Timing = Field(description="a picture, nothing compiled")
     bytes: int = Field(description="what the method reads, in memory: three channels a texel, at the precision given")
 
     @property
@@ -119,9 +145,14 @@ class PointRecord(Record):
         """Name of all points that differ from this one in the samples alone."""
         return self.label.rpartition(", ")[0]
 
+    @property
+    def once_seconds(self) -> float:
+        """Time before the first picture: bake, preparation and compilation."""
+        return self.bake.seconds.median + self.prepare_seconds + self.compile_seconds
+
     def job_seconds(self, frames: int) -> float:
-        """Time to bake and to make `frames` pictures."""
-        return self.bake.seconds.median + frames * self.frame_seconds.median
+        """Time of a whole job: bake, preparation, compilation and `frames` pictures."""
+        return self.once_seconds + frames * self.frame_seconds.median
 
 
 class PathTracingRecord(Record):
