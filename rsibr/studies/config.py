@@ -42,9 +42,9 @@ class SweepConfig(_Section):
     method : list of str
         Names of methods; by default those of the study.
     warp : list of "texel" or "mesh-RxS"
-        Each texel by itself, or through a tessellated disk of R rings and S sectors. Only `cabral1999` has the choice.
+        Each texel by itself, or a tessellated disk of R rings and S sectors. Of methods with the option `mesh`.
     weights : list of "own", "area" or "gnomonic"
-        Of the three stored views; "own" are the method's. `nearest` has none.
+        Of the three stored views; "own" are the method's. Of methods with the option `weights`.
     precision : list of "float32" or "float16"
         What the maps are held in.
     """
@@ -88,7 +88,7 @@ class JudgeConfig(_Section):
     repeats : int
         Timed runs of each picture, after a first one that compiles and does not count.
     frames : int
-        Pictures that the whole job is taken to make, where baking and making pictures are added up.
+        Pictures of the whole job, where bake, preparation, compilation and pictures are added up.
     """
 
     views: int = Field(default=6, ge=1, le=1000)

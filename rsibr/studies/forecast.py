@@ -52,18 +52,21 @@ class Forecast:
         Bakes, and the pictures of each.
     path_tracing : PathTracingConfig
         Samples of the path-traced pictures.
+    measure : callable
+        Measures the rates; see `measure_rates`.
     """
 
     benches: Sequence[Bench]
     agenda: Agenda
     path_tracing: PathTracingConfig
+    measure: Callable[..., Rates] = measure_rates
     _compiled: set[tuple[object, ...]] = field(default_factory=set)
 
     @cached_property
     def rates(self) -> Rates:
         """Speed of the machine: measured when a step needs it, so that a finished study measures nothing."""
         first = self.benches[0]
-        rates = measure_rates(first.scene, self.agenda, first.judged.frames, first.compiled)
+        rates = self.measure(first.scene, self.agenda, first.judged.frames, first.compiled)
         self._compiled |= {("scene", 0), ("tracer", 0)}
         self._compiled |= {_kernel(name, PER_TEXEL, "", rates.resolution) for name in rates.methods}
         return rates

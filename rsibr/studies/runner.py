@@ -55,7 +55,7 @@ class Study:
     def points(self, **wanted: str | int) -> list[PointRecord]:
         """Points of all scenes that have the values given, of the bake's fields or their own.
 
-        >>> study.points(method="rsibr", samples=256)       # doctest: +SKIP
+        >>> study.points(samples=256, precision="float32")       # doctest: +SKIP
         """
         return [
             point
