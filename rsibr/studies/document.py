@@ -19,9 +19,7 @@ class JudgeRecord(Record):
     resolution: int = Field(description="texels a side of the pictures that were compared")
     reference_samples: int = Field(description="samples a texel asked of each reference")
     repeats: int = Field(description="timed runs of each picture, after one that compiles")
-    frames: int = Field(
-        description="pictures of the whole job, beside bake, preparation and compilation"
-    )
+    frames: int = Field(description="pictures of the whole job, beside bake, preparation and compilation")
 
 
 class MachineRecord(Record):

@@ -13,7 +13,7 @@ from rsibr.studies.axes import PER_TEXEL
 from rsibr.studies.bench import Bench
 from rsibr.studies.config import PathTracingConfig
 from rsibr.studies.lobes import lobe_key
-from rsibr.studies.rates import Rates, measure_rates, view_count
+from rsibr.studies.rates import Rates, measure_rates, preparations, view_count
 from rsibr.studies.truth import reference_key
 from rsibr.validation.reference import LANES_PER_LAUNCH, MINIMUM_BUFFERS, stratified
 
@@ -133,11 +133,12 @@ class Forecast:
                 yield Step(f"{variant} of {views} views", seconds, partial(bench.measure, size, variant))
 
     def _point(self, bench: Bench, views: int, resolution: int, variant: Variant) -> float:
-        """Time of a point: that of the probe, with the views that it has more, and kernels that are new."""
+        """Time of a point: that of the probe, in proportion to the lobes, with more views and new kernels."""
         rates, judged = self.rates, bench.judged
         method = rates.methods[variant.method]
         texels = math.pi / 4 * bench.scene.resolution**2
-        seconds = method.point_seconds + (views - rates.views) * rates.view_work(variant.method)
+        lobes = preparations(bench.scene, variant.method) / method.preparations
+        seconds = lobes * method.point_seconds + (views - rates.views) * rates.view_work(variant.method)
         more = len(judged.frames) * rates.frame_work(variant.method, texels, judged.judge.repeats)
         seconds += more - rates.judged * rates.frame_work(variant.method, texels, rates.repeats)
         weights = "" if variant.has_own_weights else variant.weights

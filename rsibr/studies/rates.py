@@ -47,6 +47,10 @@ REPEATS = 3
 """Timed runs of a picture in the probe; the shortest of a path-traced picture counts."""
 
 
+MUCH_COMPILED = 0.1
+"""Share of a point's time from which on the compilation of its first picture calls for a second point."""
+
+
 class PathTracingRates(Record):
     """Time of a path-traced picture: launches × launch_seconds + samples × sample_seconds, all compiled."""
 
@@ -73,7 +77,7 @@ class MethodRates(Record):
     compile_seconds: Positive = Field(description="beyond that where the kernels are new")
     frame_seconds: Positive = Field(description="a picture")
     lookup_seconds: Positive = Field(description="one evaluation of eval")
-    preparations: int = Field(description="times that the method is made ready: its maps, noisy maps, each lobe")
+    preparations: int = Field(description="times that the method is made ready, see `preparations`")
 
 
 class Rates(Record):
@@ -130,6 +134,21 @@ def measure_rates(
         return _Probe.of(scene, agenda, frames[:VIEWS], compiled, Path(folder)).rates()
 
 
+def preparations(scene: StudyScene, method: str) -> int:
+    """Times that a point of a method makes it ready: with the maps, with noisy maps, and for each lobe by itself."""
+    lobes = scene.prepared.parts.split.names if judged_by_lobe(method) and scene.prepared.keeps_apart else []
+    return 2 + (len(lobes) if len(lobes) > 1 else 0)
+
+
+@dataclass(frozen=True)
+class _TimedPoint:
+    """A point of the probe, and the wall time of measuring it [s]."""
+
+    variant: Variant
+    point: PointRecord
+    seconds: float
+
+
 @dataclass(eq=False)
 class _Probe:
     """A study in miniature: few samples, few judged views, the variants of each method as it is."""
@@ -164,21 +183,20 @@ class _Probe:
         few, many = self.size, replace(self.size, samples=self._many(math.pi / 4 * self.size.resolution**2))
         _ = self.bench.judged.references
         first = _seconds(lambda: self.bench.bake(few))
-        cold = {variant.method: self._point(few, variant)[0] for variant in self.variants}
+        points = [self._point(few, variant) for variant in self.variants]
         second = _seconds(lambda: self.bench.bake(many))
-        warm = {variant.method: self._point(many, variant) for variant in self.variants}
-        points = [point for _, point in warm.values()]
+        methods = {timed.point.method: self._method(timed, many) for timed in points}
         return Rates(
-            views=points[0].bake.views,
+            views=points[0].point.bake.views,
             resolution=self.size.resolution,
             judged=len(self.bench.judged.frames),
             repeats=REPEATS,
             path_tracing=path_tracing,
-            bake=self._bake(first, second, points[0]),
-            methods={name: self._method(name, cold[name], *warm[name]) for name in warm},
+            bake=self._bake(first, second),
+            methods=methods,
             decode_seconds=self._decode(),
             compare_seconds=self._compare(),
-            figure_seconds=_seconds(lambda: figures.svg_uri(figures.whereabouts(points))),
+            figure_seconds=_seconds(lambda: figures.svg_uri(figures.whereabouts([timed.point for timed in points]))),
         )
 
     def _many(self, texels: float) -> int:
@@ -204,15 +222,15 @@ class _Probe:
             scene_seconds=built + max(0.0, first[0] - 2 * times[0] - compilation),
         )
 
-    def _point(self, size: BakeSize, variant: Variant) -> tuple[float, PointRecord]:
+    def _point(self, size: BakeSize, variant: Variant) -> _TimedPoint:
         start = time.perf_counter()
         point = self.bench.measure(size, variant)
         backend.synchronize()
-        return time.perf_counter() - start, point
+        return _TimedPoint(variant, point, time.perf_counter() - start)
 
-    def _bake(self, first: float, second: float, point: PointRecord) -> BakeRates:
+    def _bake(self, first: float, second: float) -> BakeRates:
         """The second bake has all compiled and all shared parts at hand; the first one beside it tells their time."""
-        few, many = cast(BakeRecord, self.bench.known_bake(self.size)), point.bake
+        few, many = cast(BakeRecord, self.bench.known_bake(self.size)), cast(BakedMaps, self.bench.opened).record
         views = few.views
         texels = math.pi / 4 * self.size.resolution**2
         short, long = few.views_seconds.median, many.views_seconds.median
@@ -227,14 +245,17 @@ class _Probe:
             scene_seconds=max(0.0, first - short - beside),
         )
 
-    def _method(self, name: str, cold: float, warm: float, point: PointRecord) -> MethodRates:
-        lookup = point.eval_seconds.median if point.eval_seconds else 0.0
+    def _method(self, cold: _TimedPoint, size: BakeSize) -> MethodRates:
+        """Where much was compiled, a second point tells what one takes without; other kernels were compiled as well."""
+        name, compilation = cold.point.method, min(cold.point.compile_seconds, cold.seconds)
+        if compilation > MUCH_COMPILED * cold.seconds:
+            compilation = max(0.0, cold.seconds - self._point(size, cold.variant).seconds)
         return MethodRates(
-            point_seconds=min(cold, warm),
-            compile_seconds=max(0.0, cold - warm),
-            frame_seconds=point.frame_seconds.median,
-            lookup_seconds=lookup,
-            preparations=2 + (len(point.lobes or ()) if judged_by_lobe(name) else 0),
+            point_seconds=cold.seconds - compilation,
+            compile_seconds=compilation,
+            frame_seconds=cold.point.frame_seconds.median,
+            lookup_seconds=cold.point.eval_seconds.median if cold.point.eval_seconds else 0.0,
+            preparations=preparations(self.scene, name),
         )
 
     def _decode(self) -> float:

@@ -66,6 +66,7 @@ def test_steps_follow_from_the_rates(asymmetric_environment, tmp_path):
     assert first["rsibr of 42 views"] == pytest.approx(3.0 + 30 * (2 * 0.005 + 4 * 1e-2))
     assert first["cabral1999, mesh-4x12, float16 of 12 views"] == pytest.approx(0.3 + 0.2)  # another kernel
     assert second["cabral1999, mesh-4x12, float16 of 12 views"] == pytest.approx(0.3)
+    assert second["rsibr of 12 views"] == pytest.approx(3.0 * (2 + 3) / 4)  # prepared for each of three lobes, not two
     lobes = first["lobes of reference 1"]
     assert second["lobes of reference 1"] == pytest.approx(lobes + 7.0)  # its lobes are fitted there
     assert forecast.page_seconds == pytest.approx(0.4 * 7)
