@@ -1,4 +1,4 @@
-"""One bake, opened: every picture that a study makes of it, timed and judged."""
+"""One opened bake of a study: error and time of every variant of reconstruction."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ class TimedPictures:
 
 @dataclass(eq=False)
 class BakedMaps:
-    """One bake, opened for all pictures that are to be made of it.
+    """One opened bake, shared by all variants that are measured on it.
 
     Attributes
     ----------
     judged : JudgedScene
-        What the pictures are compared with.
+        Scene with the references.
     bake : Bake
     record : BakeRecord
     size : BakeSize
@@ -122,7 +122,7 @@ class BakedMaps:
         return self._methods[precision]
 
     def _noise_of(self, variant: Variant) -> float:
-        """Noise of the float32 maps in the pictures: that of rounding is no noise, but bias."""
+        """Noise of the float32 maps in the pictures. The rounding error of float16 counts as bias."""
         plain = Variant(variant.method, variant.warp, variant.weights, "float32")
         if plain not in self._noise:
             images, noisy = (

@@ -1,4 +1,4 @@
-"""Measures one scene: its truth, path tracing as a rival, its bakes, and through them every picture."""
+"""Measures one scene: references, path tracing for comparison, bakes, and the variants on each bake."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ _FORMAT = 2
 
 @dataclass(eq=False)
 class Bench:
-    """What is measured in one scene, and where it is kept.
+    """Measurements of one scene, with their storage.
 
     Attributes
     ----------
     judged : JudgedScene
-        The scene, with its truth.
+        Scene with its references.
     journal : Journal
         Finished results.
     bakes : Path
@@ -62,18 +62,18 @@ class Bench:
         return self.judged.scene
 
     def key(self, kind: str, **settings: Any) -> dict[str, Any]:
-        """What a result depends on, beside its own settings."""
+        """Key of a result: everything that it depends on."""
         judge = self.judged.judge
         judged = {"judged": [frame.tolist() for frame in self.judged.frames], "reference_samples": judge.samples}
         return {"kind": kind, "format": _FORMAT, **self.scene.identity, **judged, "repeats": judge.repeats, **settings}
 
     def known_path_tracing(self, samples: Sequence[int], pass_samples: int | None) -> list[PathTracingRecord] | None:
-        """Return what was measured of path tracing before."""
+        """Return stored measurements of path tracing, None without any."""
         known = self.journal.find(self.key("path-tracing", samples=list(samples), pass_samples=pass_samples))
         return None if known is None else [PathTracingRecord.model_validate_json(canonical(one)) for one in known]
 
     def path_tracing(self, samples: Sequence[int], pass_samples: int | None) -> None:
-        """Measure path tracing with so many samples, in all and of a pass, and keep it in the journal."""
+        """Measure path tracing at these total samples and samples a pass; store it in the journal."""
         found = path_tracing_points(
             self.scene.tracer,
             self.judged.frames,
@@ -88,12 +88,12 @@ class Bench:
         self.journal.store(key, [record.model_dump(mode="json") for record in found])
 
     def known_point(self, size: BakeSize, variant: Variant) -> PointRecord | None:
-        """Return a point that was measured before."""
+        """Return a stored point, None without one."""
         known = self.journal.find(self.key("point", size=vars(size), variant=vars(variant)))
         return None if known is None else PointRecord.model_validate_json(canonical(known))
 
     def measure(self, size: BakeSize, variant: Variant) -> PointRecord:
-        """Error and cost of a variant's pictures of all judged views, kept in the journal."""
+        """Measure error and cost of a variant over all judged views; store it in the journal."""
         if self._opened is None or self._opened.size != size:
             self.bake(size)
         point = cast(BakedMaps, self._opened).measure(variant)
@@ -103,7 +103,7 @@ class Bench:
         return point
 
     def bake(self, size: BakeSize) -> None:
-        """Bake at a size, or go on with a bake that was killed, and open it; the one opened before is let go."""
+        """Bake at a size, or continue an interrupted bake, and open it; the bake opened before is released."""
         self.release()
         key = self._bake_key(size)
         name = re.sub(r"\W+", "-", f"{self.scene.material_name} {self.scene.environment_name}")
@@ -118,13 +118,13 @@ class Bench:
         self._opened = BakedMaps(self.judged, baked, record, size)
 
     def known_bake(self, size: BakeSize) -> BakeRecord | None:
-        """Return what a bake cost that was made before."""
+        """Return the stored cost of a bake, None without one."""
         known = self.journal.find(self._record_key(size))
         return None if known is None else BakeRecord.model_validate_json(canonical(known))
 
     @property
     def opened(self) -> BakedMaps | None:
-        """The bake that is open."""
+        """The opened bake."""
         return self._opened
 
     def _bake_key(self, size: BakeSize) -> dict[str, Any]:
@@ -138,11 +138,11 @@ class Bench:
         return self.compiled[name]
 
     def release(self) -> None:
-        """Let the opened bake go, with its maps on the device."""
+        """Release the opened bake and its maps on the device."""
         self._opened = None
 
     def close(self) -> None:
-        """Let go of all that memory holds of this scene; what is on disk stays."""
+        """Release the memory of this scene; files stay."""
         self.release()
         self.judged.forget()
 
@@ -155,5 +155,5 @@ def _baked(scene: Scene, path: Path) -> Bake:
     with clock.counting(time.perf_counter() - scene.parts.seconds):
         try:
             return bake(scene, out=path)
-        except BakeError:  # of an older version, or damaged: the name holds the hash of what it must be
+        except BakeError:  # made by an older version, or damaged; its name holds a hash of its config
             return bake(scene, out=path, fresh=True)

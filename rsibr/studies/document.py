@@ -13,7 +13,7 @@ from rsibr.studies.results import Positive, Record, SceneRecord
 
 
 class JudgeRecord(Record):
-    """How all points were judged."""
+    """How the error of all points was measured."""
 
     views: list[tuple[float, float, float]] = Field(description="unit vectors from the surface to the viewer, +Y up")
     resolution: int = Field(description="texels a side of the pictures that were compared")
@@ -23,7 +23,7 @@ class JudgeRecord(Record):
 
 
 class MachineRecord(Record):
-    """What the times were measured on."""
+    """Machine on which the times were measured."""
 
     variant: str
     processors: int
@@ -32,7 +32,7 @@ class MachineRecord(Record):
 
 
 class StepRecord(Record):
-    """One step of the study: what it was expected to take and what it took."""
+    """Expected and actual time of one step."""
 
     step: str
     expected_seconds: Positive
@@ -40,7 +40,7 @@ class StepRecord(Record):
 
 
 class StudyDocument(Record):
-    """`study.json`: error and cost of every point, and what they say together. Times in seconds, sizes in bytes."""
+    """`study.json`: error and cost of every point, and their analysis. Times in seconds, sizes in bytes."""
 
     schema_version: Literal[1] = Field(alias="schema")
     name: str

@@ -1,4 +1,4 @@
-"""Steps of a study that are still to be done, each with the time that it is expected to take."""
+"""Remaining steps of a study, each with its expected time."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 from rsibr.methods.registry import judged_by_lobe
+from rsibr.store.manifest import canonical
 from rsibr.studies.agenda import Agenda, Variant
 from rsibr.studies.axes import PER_TEXEL
 from rsibr.studies.bench import Bench
@@ -18,7 +19,7 @@ from rsibr.studies.truth import reference_key
 from rsibr.validation.reference import LANES_PER_LAUNCH, MINIMUM_BUFFERS, stratified
 
 FIGURES = 3
-"""Figures of each scene on the page; one more stands above them."""
+"""Figures of each scene on the page; the headline figure is extra."""
 
 
 @dataclass(frozen=True)
@@ -64,15 +65,21 @@ class Forecast:
 
     @cached_property
     def rates(self) -> Rates:
-        """Speed of the machine: measured when a step needs it, so that a finished study measures nothing."""
+        """Speed of the machine; measured once a study, at the first use: a finished study measures nothing."""
         first = self.benches[0]
+        methods = sorted({variant.method for variants in self.agenda.values() for variant in variants})
+        key = first.key("rates", methods=methods, resolutions=sorted({size.resolution for size in self.agenda}))
+        known = first.journal.find(key)
+        if known is not None:  # of an earlier run: in this process nothing is compiled yet
+            return Rates.model_validate_json(canonical(known))
         rates = self.measure(first.scene, self.agenda, first.judged.frames, first.compiled)
+        first.journal.store(key, rates.model_dump(mode="json"))
         self._compiled |= {("scene", 0), ("tracer", 0)}
         self._compiled |= {_kernel(name, PER_TEXEL, "", rates.resolution) for name in rates.methods}
         return rates
 
     def steps(self, number: int) -> list[Step]:
-        """Work that is left in the scene of this number; results in its journal are no steps."""
+        """Remaining steps in one scene; results in the journal are not measured again."""
         bench = self.benches[number]
         return [*self._truths(number, bench), *self._rivals(number, bench), *self._points(number, bench)]
 
@@ -147,7 +154,7 @@ class Forecast:
 
     def _first(self, key: tuple[object, ...], seconds: float) -> float:
         """Return `seconds` where `key` was not asked for before, else 0."""
-        _ = self.rates  # what the probe has compiled is known from here on
+        _ = self.rates  # fills `_compiled` with the kernels of the probe
         if key in self._compiled:
             return 0.0
         self._compiled.add(key)
@@ -155,5 +162,5 @@ class Forecast:
 
 
 def _kernel(method: str, warp: str, weights: str, resolution: int) -> tuple[object, ...]:
-    """What a kernel of a method depends on, as far as a forecast goes."""
+    """Key of a method's kernel, as the forecast distinguishes kernels."""
     return ("method", method, warp != PER_TEXEL, weights, resolution)

@@ -1,4 +1,4 @@
-"""The page of a study: one HTML file that holds all it shows."""
+"""The page of a study: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from rsibr.validation.report.page import duration, number, size
 from rsibr.validation.report.pictures import bar_colours
 
 _MOST_SHOWN = 12
-"""Points that the figure of where the error sits holds at most."""
+"""Largest number of points in the figure of the composition of the error."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Shown:
-    """A scene, what its points say, and its figures."""
+    """A scene with its analysis and figures."""
 
     scene: SceneRecord
     analysis: SceneAnalysis
@@ -34,7 +34,7 @@ class _Shown:
 
     @property
     def on_front(self) -> dict[str, list[str]]:
-        """Names of the costs over whose front a point lies, by label."""
+        """Names of the costs on whose front a point lies, by label."""
         names = {"once_seconds": "start", "bytes": "bytes", "frame_seconds": "picture"}
         return {
             point.label: [names[cost] for cost, front in self.analysis.fronts.items() if point.label in front.on]
@@ -43,17 +43,17 @@ class _Shown:
 
     @property
     def best(self) -> PointRecord:
-        """The point that errs least."""
+        """The point with the least error."""
         return min(self.scene.points, key=lambda point: point.rel_mse)
 
     def instead(self, label: str) -> str:
-        """Point to take instead of one that is dominated over the time before the first picture."""
+        """Point that dominates this one in the time before the first picture; empty on the front."""
         return self.analysis.fronts["once_seconds"].dominated.get(label, "")
 
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """The figures of a page, which take nearly all of its time.
+    """The figures of a page; drawing them takes nearly all of its time.
 
     Attributes
     ----------
@@ -96,13 +96,13 @@ def study_page(document: StudyDocument, drawn: Drawn) -> str:
         headline=drawn.headline,
         answer=answer(document.doubling, document.judge.frames),
         shown=drawn.scenes,
-        bar=", ".join(bar_colours()),  # of the style that all pages share
+        bar=", ".join(bar_colours()),  # used by the style sheet that all pages share
         version=rsibr.__version__,
     )
 
 
 def estimate(value: EstimateModel) -> str:
-    """Write a relMSE with half its interval for a person; one that noise hides as its upper bound."""
+    """Format a relMSE with half its interval; below the noise floor, as an upper bound."""
     low, high = value.ci95
     if value.below_noise_floor:
         return f"<\u00a0{number(max(high, 0.0), 2)}"
@@ -110,7 +110,7 @@ def estimate(value: EstimateModel) -> str:
 
 
 def answer(records: Sequence[DoublingRecord], frames: int) -> list[str]:
-    """Say in sentences what twice the time buys, one for each method.
+    """Describe the gain of twice the time in one sentence for each method.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Speed of this machine for one scene, measured by a study in miniature: the forecast of a study follows from it."""
+"""Speed of this machine for one scene, measured by a miniature study; the forecast follows from it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ REPEATS = 3
 
 
 MUCH_COMPILED = 0.1
-"""Share of a point's time from which on the compilation of its first picture calls for a second point."""
+"""Share of compilation in the time of a point above which the point is measured again, compiled."""
 
 
 class PathTracingRates(Record):
@@ -81,7 +81,7 @@ class MethodRates(Record):
 
 
 class Rates(Record):
-    """All figures that a forecast needs, and what they were measured with."""
+    """All figures that a forecast needs, with the sizes that they were measured at."""
 
     views: int = Field(description="stored views of the probe")
     resolution: int = Field(description="texels a side of its maps")
@@ -115,7 +115,7 @@ def view_count(scene: StudyScene, size: BakeSize) -> int:
 def measure_rates(
     scene: StudyScene, agenda: Agenda, frames: Sequence[NDArray[np.float64]], compiled: dict[str, float]
 ) -> Rates:
-    """Measure the speed of this machine: two small bakes, a point of each method on both, path-traced pictures.
+    """Measure the speed of this machine with two small bakes, a point of each method, and path-traced pictures.
 
     Kernels and shared parts of the scene stay in memory, so that the study does not make them again.
 
@@ -203,7 +203,7 @@ class _Probe:
         return max(4 * FEW_SAMPLES, round(MAX_LANES / texels))
 
     def _path_tracing(self) -> PathTracingRates:
-        """Two numbers of samples tell launches and samples apart; their first runs compile."""
+        """Two numbers of samples separate the time of a launch from that of a sample; first runs compile."""
         built = _seconds(lambda: self.scene.tracer)
         tracer, frame = self.scene.tracer, self.bench.judged.frames[0]
         seeds, texels = np.random.SeedSequence(0), tracer.resolution**2
@@ -229,7 +229,7 @@ class _Probe:
         return _TimedPoint(variant, point, time.perf_counter() - start)
 
     def _bake(self, first: float, second: float) -> BakeRates:
-        """The second bake has all compiled and all shared parts at hand; the first one beside it tells their time."""
+        """The second bake is compiled and shares all parts of the scene; the difference to the first is their time."""
         few, many = cast(BakeRecord, self.bench.known_bake(self.size)), cast(BakedMaps, self.bench.opened).record
         views = few.views
         texels = math.pi / 4 * self.size.resolution**2
@@ -246,7 +246,7 @@ class _Probe:
         )
 
     def _method(self, cold: _TimedPoint, size: BakeSize) -> MethodRates:
-        """Where much was compiled, a second point tells what one takes without; other kernels were compiled as well."""
+        """Rates from a first point; where much of it was compilation, a second point gives the time without."""
         name, compilation = cold.point.method, min(cold.point.compile_seconds, cold.seconds)
         if compilation > MUCH_COMPILED * cold.seconds:
             compilation = max(0.0, cold.seconds - self._point(size, cold.variant).seconds)

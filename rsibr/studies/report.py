@@ -61,7 +61,7 @@ COLUMNS = (
 
 
 def write_study(document: StudyDocument, folder: Path, drawn: Drawn) -> Path:
-    """Write the study; each file is replaced at once, the page last.
+    """Write the study; each file is replaced atomically, the page last.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a study measured: one record a picture, a bake, a reference; the same in memory, in the journal and in JSON."""
+"""Records of a study's measurements: pictures, bakes, references; the same in memory, in the journal and in JSON."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Record(BaseModel):
-    """Immutable, without NaN, refusing what it does not know."""
+    """Base of all records: immutable, without NaN, unknown fields are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -47,7 +47,7 @@ class Timing(Record):
 
 
 class ErrorRecord(Record):
-    """Error over all judged views, the noise of the reference taken out of relMSE."""
+    """Error over all judged views; the noise of the reference is subtracted from relMSE."""
 
     rel_mse: EstimateModel = Field(description="mean over the views")
     rel_mse_range: tuple[float, float] = Field(description="least and largest of the views")
@@ -59,7 +59,7 @@ class ErrorRecord(Record):
 
     @classmethod
     def of(cls, errors: Sequence[MapError]) -> ErrorRecord:
-        """Take the mean over the views."""
+        """Mean over the views."""
         values = [error.rel_mse.value for error in errors]
         energy = [error.energy_ratio for error in errors if error.energy_ratio is not None]
         zones = {name for error in errors for name in error.rel_mse_zones}
@@ -79,7 +79,7 @@ class ErrorRecord(Record):
 
 
 class BakeRecord(Record):
-    """A bake, and what it cost."""
+    """A bake and its cost."""
 
     samples: int
     resolution: int
@@ -103,7 +103,7 @@ class BakeRecord(Record):
 
 
 class PointRecord(Record):
-    """A picture by one method from one bake: its error over all judged views, and every cost."""
+    """One variant on one bake: error over all judged views, and every cost."""
 
     label: str = Field(description="unique within the scene")
     method: str
@@ -112,10 +112,10 @@ class PointRecord(Record):
     precision: str
     bake: BakeRecord
     error: ErrorRecord
-    noise: Positive = Field(description="share of relMSE that the noise of the maps makes, from their stored variance")
-    bias: EstimateModel = Field(description="the rest: what more samples in the bake would not take away")
+    noise: Positive = Field(description="part of relMSE from the noise of the maps, predicted by their stored variance")
+    bias: EstimateModel = Field(description="the rest of relMSE, independent of the samples of the bake")
     lobes: dict[str, EstimateModel] | None = Field(
-        description="relMSE that each lobe's own error makes, against the whole's radiance; null where there is one"
+        description="contribution of each lobe to relMSE, relative to the whole radiance; null for a single lobe"
     )
     eval_rel_mse: EstimateModel | None = Field(
         description="relMSE of eval at random points of each texel, mean over the views; null where not judged"
@@ -132,17 +132,17 @@ class PointRecord(Record):
 
     @property
     def rel_mse(self) -> float:
-        """Its error: the headline."""
+        """relMSE, mean over the views."""
         return self.error.rel_mse.value
 
     @property
     def worst_lobe(self) -> str | None:
-        """Name of the lobe that errs most."""
+        """Name of the lobe with the largest error."""
         return max(self.lobes, key=lambda name: self.lobes[name].value) if self.lobes else None  # type: ignore[index]
 
     @property
     def curve(self) -> str:
-        """Name of all points that differ from this one in the samples alone."""
+        """Name shared by all points that differ only in samples."""
         return self.label.rpartition(", ")[0]
 
     @property
@@ -156,7 +156,7 @@ class PointRecord(Record):
 
 
 class PathTracingRecord(Record):
-    """Path-traced pictures, by no random number that a reference used."""
+    """Path-traced pictures; they share no random number with a reference."""
 
     samples: int
     pass_samples: int | None = Field(description="samples of a pass; null: all stratified among each other")
@@ -165,7 +165,7 @@ class PathTracingRecord(Record):
 
 
 class ReferenceRecord(Record):
-    """The truth of one scene."""
+    """References of one scene."""
 
     samples: int
     buffers: int
@@ -186,7 +186,7 @@ class SceneRecord(Record):
 
     @property
     def name(self) -> str:
-        """As a person calls it."""
+        """Name to show."""
         return f"{self.material} under {self.environment}"
 
 

@@ -1,4 +1,4 @@
-"""Runs a study: everything that it asks for and that is not there yet, then what all of it says together."""
+"""Runs a study: measures what is missing, analyses all results, writes the report."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ class Study:
 
     @property
     def scenes(self) -> list[tuple[SceneRecord, SceneAnalysis]]:
-        """Each scene with what its points say together."""
+        """Each scene with its analysis."""
         return list(zip(self.document.scenes, self.document.analyses, strict=True))
 
     def points(self, **wanted: str | int) -> list[PointRecord]:
-        """Points of all scenes that have the values given, of the bake's fields or their own.
+        """Points of all scenes whose fields, or whose bake's fields, have the given values.
 
         >>> study.points(samples=256, precision="float32")       # doctest: +SKIP
         """
@@ -72,7 +72,7 @@ def study(
     out: Path | str,
     on_progress: Callable[[Progress], None] = lambda _: None,
 ) -> Study:
-    """Measure error against time over a sweep, and write what it shows.
+    """Measure error against time over parameter sweeps, and write the report.
 
     A study that was killed goes on where it was; one whose config has changed keeps every result that is still asked
     for. Bakes and references are shared by all that need them.
@@ -123,7 +123,7 @@ class _Run:
     _steps: list[StepRecord] = field(default_factory=list)
 
     def done(self, on_progress: Callable[[Progress], None]) -> Study:
-        """Do what is left, and write the study."""
+        """Do the remaining steps and write the study."""
         forecast = Forecast(self.benches, self.agenda, self.settings.path_tracing)
         todo = [(bench, forecast.steps(number)) for number, bench in enumerate(self.benches)]
         page_seconds = forecast.page_seconds if any(steps for _, steps in todo) else 0.0
@@ -143,9 +143,9 @@ class _Run:
     def _work(
         self, todo: list[tuple[Bench, list[Step]]], page_seconds: float, on_progress: Callable[[Progress], None]
     ) -> None:
-        """Do the steps, and note the time of each."""
+        """Do the steps and record the time of each."""
         left = page_seconds + sum(step.seconds for _, steps in todo for step in steps)
-        done = self._steps[0].seconds if left else 0.0  # a finished study has nothing to wait for
+        done = self._steps[0].seconds if left else 0.0  # a finished study has no steps to show progress of
         total = done + left
         for bench, steps in todo:
             for step in steps:
@@ -158,7 +158,7 @@ class _Run:
         on_progress(Progress(total, total, "done"))
 
     def _told(self, page_seconds: float) -> tuple[StudyDocument, Drawn]:
-        """What was measured, what it says together, and its figures; drawing them belongs to the time of the run."""
+        """Document and figures of all results; the time of drawing is part of the run."""
         start, frames = time.perf_counter(), self.settings.judge.frames
         scenes = [_scene_record(bench, self.agenda, self.settings) for bench in self.benches]
         document = StudyDocument(

@@ -87,6 +87,18 @@ def test_a_finished_study_measures_nothing(small, asymmetric_environment):
     assert measured == []
 
 
+def test_a_resumed_study_measures_nothing_again_and_compiles_anew(asymmetric_environment, tmp_path):
+    measured, settings = [], tables(asymmetric_environment)
+    before = by_name(forecast_of(settings, tmp_path, measured).steps(0))
+    after = by_name(forecast_of(settings, tmp_path, measured).steps(0))
+    assert measured == [1]
+    assert after["reference 1"] == pytest.approx(before["reference 1"] + 3.0)
+    assert after["rsibr of 12 views"] == pytest.approx(before["rsibr of 12 views"])  # the last of three bakes
+    settings["method"].append("nearest")
+    assert forecast_of(settings, tmp_path, measured).rates is RATES
+    assert measured == [1, 1]  # of another method the speed is not known
+
+
 def test_the_miniature_measures_every_part_and_leaves_nothing(asymmetric_environment, tmp_path):
     study = parse_study(tables(asymmetric_environment))
     agenda = agenda_of(study)
