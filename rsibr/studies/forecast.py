@@ -66,17 +66,25 @@ class Forecast:
     @cached_property
     def rates(self) -> Rates:
         """Speed of the machine; measured once a study, at the first use: a finished study measures nothing."""
-        first = self.benches[0]
-        methods = sorted({variant.method for variants in self.agenda.values() for variant in variants})
-        key = first.key("rates", methods=methods, resolutions=sorted({size.resolution for size in self.agenda}))
+        first, agenda = self.benches[0], self._missing() or self.agenda
+        methods = {variant.method for variants in agenda.values() for variant in variants}
+        key = first.key("rates", resolutions=sorted({size.resolution for size in self.agenda}))
         known = first.journal.find(key)
-        if known is not None:  # of an earlier run: in this process nothing is compiled yet
-            return Rates.model_validate_json(canonical(known))
-        rates = self.measure(first.scene, self.agenda, first.judged.frames, first.compiled)
+        if known is not None and methods <= set(known["methods"]):
+            return Rates.model_validate_json(canonical(known))  # of an earlier run: here nothing is compiled yet
+        rates = self.measure(first.scene, agenda, first.judged.frames, first.compiled)
         first.journal.store(key, rates.model_dump(mode="json"))
         self._compiled |= {("scene", 0), ("tracer", 0)}
         self._compiled |= {_kernel(name, PER_TEXEL, "", rates.resolution) for name in rates.methods}
         return rates
+
+    def _missing(self) -> Agenda:
+        """Part of the agenda with points that are missing in some scene."""
+        missing = {
+            size: [variant for variant in variants if any(b.known_point(size, variant) is None for b in self.benches)]
+            for size, variants in self.agenda.items()
+        }
+        return {size: variants for size, variants in missing.items() if variants}
 
     def steps(self, number: int) -> list[Step]:
         """Remaining steps in one scene; results in the journal are not measured again."""

@@ -270,7 +270,8 @@ def test_the_page_holds_all_it_shows(small):
     for point in small.points():
         for shown in (estimate(point.eval_rel_mse), duration(point.prepare_seconds), duration(point.compile_seconds)):
             assert shown in page.text
-    assert f"took {duration(small.document.seconds)}" in page.text
+    written = StudyDocument.model_validate_json((small.out / "study.json").read_text(encoding="utf-8"))
+    assert f"took {duration(written.seconds)}; the forecast was {duration(written.expected_seconds)}" in page.text
     assert "nan" not in page.text.lower().split()
 
 
