@@ -16,7 +16,7 @@ LLVM := $(VENV)/llvm.env
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-slow test-all mutants lint bench fuzz notebooks lock clean
+.PHONY: help setup demo test test-slow test-all mutants lint bench fuzz notebooks docs lock clean
 
 help: ## list these goals
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{printf "%-18s %s\n", $$1, $$2}'
@@ -55,6 +55,10 @@ notebooks: setup ## execute the notebooks into out/notebooks
 	@mkdir -p $(OUT)/notebooks
 	@$(WITH_LLVM) $(BIN)/jupyter-execute --output="../$(OUT)/notebooks/{notebook_name}" notebooks/*.ipynb
 	@echo "notebooks: executed into $(OUT)/notebooks"
+
+docs: setup ## build the documentation site into out/docs; warnings are errors
+	@$(WITH_LLVM) $(BIN)/sphinx-build --builder html --jobs auto --quiet --fail-on-warning --keep-going docs $(OUT)/docs
+	@echo "docs: open $(OUT)/docs/index.html"
 
 lock: $(CREATED) ## resolve the dependencies anew into requirements.lock
 	@$(PIP) install uv

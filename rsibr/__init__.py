@@ -4,9 +4,12 @@ Bake a material under a distant environment into a few radiance sphere maps, rec
 them, and compare it with path-traced truth:
 
 >>> import rsibr
->>> bake = rsibr.bake("configs/demo.toml", out="out/paint.rsibr")           # doctest: +SKIP
->>> paint = rsibr.reconstruct(bake, view=(1, 2, 3), method="rsibr")    # doctest: +SKIP
->>> report = rsibr.validate(bake, views=8, out="out/report")                # doctest: +SKIP
+>>> bake = rsibr.bake(rsibr.configs() / "demo.toml", out="out/paint.rsibr")     # doctest: +SKIP
+>>> paint = rsibr.reconstruct(bake, view=(1, 2, 3))                             # doctest: +SKIP
+>>> report = rsibr.validate(bake, views=8, out="out/report")                    # doctest: +SKIP
+
+Modules that are public as a whole: `rsibr.metrics` (errors of a map against a reference), `rsibr.pictures` (maps and
+errors as images), `rsibr.plots` (figures of a study).
 """
 
 from __future__ import annotations
@@ -14,53 +17,88 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from rsibr.version import __version__
+
 if TYPE_CHECKING:
     from rsibr.budget.bake import bake as bake
     from rsibr.budget.bake import plan as plan
+    from rsibr.lobes.albedo import node_cosines as node_cosines
     from rsibr.methods.method_set import MethodSet as MethodSet
+    from rsibr.methods.protocol import Method as Method
+    from rsibr.methods.protocol import PointwiseMethod as PointwiseMethod
     from rsibr.methods.reconstruction import reconstruct as reconstruct
     from rsibr.methods.registry import method_names as method_names
+    from rsibr.methods.registry import register as register
+    from rsibr.resources import configs as configs
     from rsibr.scene.config import load_config as load_config
     from rsibr.store.bake import open_bake as open_bake
+    from rsibr.studies import figures as plots
     from rsibr.studies.runner import study as study
+    from rsibr.validation import metrics as metrics
     from rsibr.validation.health.check import check as check
+    from rsibr.validation.report import pictures as pictures
+    from rsibr.validation.validation import timed as timed
     from rsibr.validation.validation import validate as validate
 
-__version__ = "0.1.0"
-
 _HOME = {
+    "Method": "rsibr.methods.protocol",
     "MethodSet": "rsibr.methods.method_set",
+    "PointwiseMethod": "rsibr.methods.protocol",
     "bake": "rsibr.budget.bake",
     "check": "rsibr.validation.health.check",
-    "method_names": "rsibr.methods.registry",
+    "configs": "rsibr.resources",
     "load_config": "rsibr.scene.config",
+    "method_names": "rsibr.methods.registry",
+    "node_cosines": "rsibr.lobes.albedo",
     "open_bake": "rsibr.store.bake",
     "plan": "rsibr.budget.bake",
     "reconstruct": "rsibr.methods.reconstruction",
+    "register": "rsibr.methods.registry",
     "study": "rsibr.studies.runner",
+    "timed": "rsibr.validation.validation",
     "validate": "rsibr.validation.validation",
 }
+"""Module that holds each public function and class."""
+
+_MODULES = {
+    "metrics": "rsibr.validation.metrics",
+    "pictures": "rsibr.validation.report.pictures",
+    "plots": "rsibr.studies.figures",
+}
+"""Modules that are public as a whole, by their public name."""
 
 __all__ = [
+    "Method",
     "MethodSet",
+    "PointwiseMethod",
     "__version__",
     "bake",
     "check",
+    "configs",
     "load_config",
     "method_names",
+    "metrics",
+    "node_cosines",
     "open_bake",
+    "pictures",
     "plan",
+    "plots",
     "reconstruct",
+    "register",
     "study",
+    "timed",
     "validate",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for, when it is asked for: `import rsibr` loads neither Mitsuba nor matplotlib."""
-    if name not in _HOME:
+    """Import a public name at its first use: `import rsibr` loads neither Mitsuba nor matplotlib."""
+    if name in _MODULES:
+        value: Any = importlib.import_module(_MODULES[name])
+    elif name in _HOME:
+        value = getattr(importlib.import_module(_HOME[name]), name)
+    else:
         raise AttributeError(f"module 'rsibr' has no attribute '{name}'")
-    value = getattr(importlib.import_module(_HOME[name]), name)
     return globals().setdefault(name, value)
 
 

@@ -27,11 +27,18 @@ class RsibrError(Exception):
         self.where = where
         self.fix = fix
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return _made, (type(self), self.what, self.where, self.fix)  # other processes raise it, too
+
     def __str__(self) -> str:
         """Return the one line that a user reads."""
         place = f"{self.where}: " if self.where else ""
         remedy = f". {self.fix[:1].upper()}{self.fix[1:]}" if self.fix else ""
         return " ".join(f"{place}{self.what}{remedy}".split())
+
+
+def _made(kind: type[RsibrError], what: str, where: str, fix: str) -> RsibrError:
+    return kind(what, where=where, fix=fix)
 
 
 class InputError(RsibrError):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import pytest
 
 from rsibr.errors import BakeError, CheckFailed, InputError, MachineError, RsibrError
@@ -34,3 +36,11 @@ def test_each_kind_has_the_exit_code_that_the_command_line_promises(kind, code):
         raise kind("what", where="where", fix="fix")
     assert caught.value.exit_code == code
     assert (caught.value.what, caught.value.where, caught.value.fix) == ("what", "where", "fix")
+
+
+def test_an_error_survives_its_way_to_another_process():
+    """Process pools pickle what a worker raises."""
+    error = BakeError("is missing", where="a.exr", fix="bake again")
+    found = pickle.loads(pickle.dumps(error))
+    assert type(found) is BakeError
+    assert str(found) == str(error)

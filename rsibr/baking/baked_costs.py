@@ -28,6 +28,7 @@ def baked_costs(manifest: Manifest, views: int, wall_seconds: float) -> Costs:
         lobes=max(1, len(manifest.lobes)),
         seconds=median(state.seconds or 0.0 for state in manifest.views),
         bytes=round(median(state.bytes or 0 for state in apart)),
+        light_bytes=manifest.light.bytes if manifest.light else 0,
         overhead_seconds=max(0.0, wall_seconds - manifest.seconds),
         source=BAKED,
     )

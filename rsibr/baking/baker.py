@@ -88,14 +88,14 @@ def bake(
         If the machine has no usable backend, or the disk is full.
     """
     with clock.counting() as begun:
-        if not isinstance(config, Scene):
-            settings = config_of(config, overrides)
-            if not fresh and (found := finished_bake(settings, out)) is not None:
-                return found
-            config = Scene.prepare(settings)
-        if config.config.budget is not None:
+        prepared = config if isinstance(config, Scene) else None
+        settings = config.config if isinstance(config, Scene) else config_of(config, overrides)
+        if settings.budget is not None:
             raise ValueError("a budget is decided on before its bake")
-        return _bake_scene(config, Path(out), begun, fresh, on_progress, budget, steering or Steering())
+        if not fresh and (found := finished_bake(settings, out, prepared.digests if prepared else None)) is not None:
+            return found
+        scene = prepared or Scene.prepare(settings)
+        return _bake_scene(scene, Path(out), begun, fresh, on_progress, budget, steering or Steering())
 
 
 def _bake_scene(
@@ -113,6 +113,7 @@ def _bake_scene(
     with backend.rendering(scene.rendering):
 
         def manifest(found: Manifest | None) -> Manifest:
+            _ = scene.stored_lobes  # made now, their time counts as that before the first view
             sampling = (found.sampling if found else None) or sampler.choose(begun)
             return plan_manifest(scene, scene.viewpoints, sampling, budget)
 

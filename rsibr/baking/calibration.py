@@ -63,6 +63,7 @@ def calibrate(scene: Scene, samples: int) -> Costs:
         bytes=_map_bytes(planned),
         other_colour_bytes=_map_bytes(kernels["other_colour"]),
         overhead_seconds=compilation + len(scene.viewpoints) * map_overhead(planned),
+        light_bytes=0,
         source=SOURCE,
         **seconds,
     )

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-import rsibr
 from rsibr import backend
 from rsibr.errors import RsibrError
 from rsibr.geometry.viewpoints import witness
@@ -18,6 +17,7 @@ from rsibr.scene.python_plugins import load_plugins
 from rsibr.scene.views import load_viewpoints
 from rsibr.store.bake import Bake, open_bake
 from rsibr.store.manifest import MANIFEST_NAME, Manifest
+from rsibr.version import __version__
 
 RECORDED = ("mitsuba", "drjit", "numpy", "OpenEXR", "rsibr")
 """Packages whose versions a manifest holds."""
@@ -28,9 +28,10 @@ DECISIVE = ("mitsuba", "drjit", "rsibr")
 
 def package_versions() -> dict[str, str]:
     """Versions of the packages that a bake is made with."""
-    return {name: rsibr.__version__ if name == "rsibr" else version(name) for name in RECORDED}
+    return {name: __version__ if name == "rsibr" else version(name) for name in RECORDED}
 
 
+@backend.in_session
 def finished_bake(config: Config, out: Path | str, digests: dict[str, str] | None = None) -> Bake | None:
     """Open the bake of a config where it is complete.
 

@@ -13,6 +13,7 @@ from rsibr.baking.scene import Scene
 from rsibr.planning.costs import priced
 from rsibr.planning.plan import Plan
 from rsibr.scene.config import ConfigLike
+from rsibr.store.light_file import encode_light
 from rsibr.store.manifest import SamplingRecord
 
 
@@ -54,11 +55,12 @@ def forecast(scene: Scene, begun: float) -> tuple[Plan, SamplingRecord | None]:
     """
     asked, sampling = scene.config.sampling, None
     # What a bake does before its first view and after its last
-    _ = scene.plan, scene.integrator, scene.light
+    _ = scene.plan, scene.integrator
+    light_bytes = len(encode_light(scene.light))
     if asked.decided_later:
         with backend.rendering(scene.rendering):
             sampling = Sampler(scene.integrator, scene.frames, asked).choose(begun)
     overhead = time.perf_counter() - begun
     costs = calibrate(scene, sampling.samples if sampling else asked.count)
-    costs = replace(costs, overhead_seconds=overhead + costs.overhead_seconds)
+    costs = replace(costs, overhead_seconds=overhead + costs.overhead_seconds, light_bytes=light_bytes)
     return priced(scene.plan, costs, scene.config.map.side), sampling

@@ -46,6 +46,7 @@ class SceneParts:
     _seconds: list[float] = field(default_factory=list, repr=False)
 
     @classmethod
+    @backend.in_session
     def of(cls, config: Config) -> SceneParts:
         """Load the environment and the material of a config.
 
@@ -54,7 +55,6 @@ class SceneParts:
         InputError
             If either is wrong.
         """
-        backend.use()
         start = time.perf_counter()
         load_plugins(config.plugin_modules)
         parts = cls(load_environment(config.environment), load_material(config.material))

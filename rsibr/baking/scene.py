@@ -30,7 +30,7 @@ from rsibr.scene.views import load_viewpoints
 from rsibr.store.lobe_shape import shape_of
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scene:
     """A config with all that follows from it; what not everyone needs is made when it is first asked for.
 
@@ -47,6 +47,9 @@ class Scene:
     config: Config
     parts: SceneParts
     block: int | None = None
+
+    def __repr__(self) -> str:
+        return f"Scene({self.material.name} under {self.environment.name})"
 
     @classmethod
     def prepare(cls, config: ConfigLike, overrides: Sequence[str] = ()) -> Scene:

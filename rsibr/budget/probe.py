@@ -72,7 +72,7 @@ class ProbedScene:
     def __init__(self, scene: Scene, samples: int = _SAMPLES) -> None:
         self.config, self._samples = scene.config, samples
         self._scene = scene.resized(_with_all_lobes(scene.config), block=_SAMPLES)
-        self.plan, self.integrator = self._scene.plan, self._scene.integrator
+        self.plan, self.integrator = self._scene.plan, self._scene.integrator.at_resolution(_SHARP)
         self._drawn = 0
         self._truths: dict[int, tuple[list[NDArray[np.float32]], ...]] = {}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -16,6 +16,7 @@ from rsibr.cli.plan import plan
 from rsibr.cli.reconstruct import reconstruct
 from rsibr.cli.study import study
 from rsibr.cli.validate import validate
+from rsibr.errors import RsibrError
 
 app = typer.Typer(
     name="rsibr",
@@ -35,9 +36,9 @@ def options(
 ) -> None:
     """Bake a material under a distant environment, reconstruct any view, know the error."""
     if version:
-        import rsibr
+        from rsibr.version import __version__
 
-        typer.echo(f"rsibr {rsibr.__version__}")
+        typer.echo(f"rsibr {__version__}")
         raise typer.Exit
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
@@ -45,4 +46,22 @@ def options(
 
 def main() -> NoReturn:
     """Run the command line; a failure that the user can act on ends as one line and its exit code."""
-    sys.exit(run(lambda: app(standalone_mode=False)))
+    sys.exit(run(_command))
+
+
+def _command() -> Any:
+    """Run what the command line says; an error that names a parameter in Python names the option here."""
+    try:
+        return app(standalone_mode=False)
+    except RsibrError as error:
+        option = _options().get(error.where)
+        if option is None:
+            raise
+        raise type(error)(error.what, where=option, fix=error.fix) from error
+
+
+def _options() -> dict[str, str]:
+    """Options of the command that was called, by the name of their parameter."""
+    commands = getattr(typer.main.get_command(app), "commands", {})
+    called = next((commands[word] for word in sys.argv[1:] if word in commands), None)
+    return {one.name: one.opts[0] for one in called.params if one.opts[0].startswith("-")} if called else {}

@@ -20,17 +20,20 @@ def demo(
     json_output: Json = False,
 ) -> None:
     """Bake a car paint under a real sky, reconstruct novel views, compare with path tracing, write a report."""
+    from rsibr import clock
     from rsibr.baking.baker import bake
+    from rsibr.baking.scene import Scene
     from rsibr.cli.console import bake_progress, console, note_peculiarities, step_progress
     from rsibr.resources import configs
     from rsibr.scene.config import load_config
     from rsibr.validation.validation import validate
 
     settings = load_config(configs() / "demo.toml").with_plugins(imported(imports))
-    with bake_progress() as show:
-        baked = bake(settings, out=out / "paint.rsibr", on_progress=show)
+    with clock.counting(), bake_progress() as show:
+        scene = Scene.prepare(settings)
+        baked = bake(scene, out=out / "paint.rsibr", on_progress=show)
     note_peculiarities(baked)
     console.print(f"baked {baked.view_count} views of {baked.resolution}² in {baked.seconds:.1f} s: {baked.path}")
     with step_progress("validate") as step:
-        found = validate(baked, views=VIEWS, samples=SAMPLES, out=out, on_progress=step)
+        found = validate(baked, views=VIEWS, samples=SAMPLES, out=out, on_progress=step, scene=scene)
     print_validation(found, out, json_output=json_output)

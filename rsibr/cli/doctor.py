@@ -20,8 +20,8 @@ from typing import Annotated, Any
 
 import typer
 
-import rsibr
 from rsibr.errors import MachineError, RsibrError
+from rsibr.version import __version__
 
 PACKAGES = ("mitsuba", "drjit", "numpy", "OpenEXR")
 ROOMY_MEMORY = 2 * 1024**3
@@ -117,7 +117,7 @@ def diagnose() -> Diagnosis:
         missing.append(Lack.of(error))
     cache, memory, usage = _kernel_cache(), _memory(), shutil.disk_usage(Path.cwd())
     disk = {"total": usage.total, "available": usage.free}
-    packages = {"rsibr": rsibr.__version__} | {name: _installed(name) for name in PACKAGES}
+    packages = {"rsibr": __version__} | {name: _installed(name) for name in PACKAGES}
     advice = tuple(_advice(cache, memory, disk))
     return Diagnosis(packages, backend, kernel, cache, memory, disk, tuple(missing), advice)
 

@@ -53,7 +53,7 @@ class Irradiance:
     image: NDArray[np.float32]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Light:
     """Environment of a bake.
 
@@ -78,6 +78,10 @@ class Light:
     frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
     levels: tuple[NDArray[np.float32], ...] = ()
     irradiances: tuple[Irradiance, ...] = ()
+
+    def __repr__(self) -> str:
+        kept = [f"picture {len(self.picture)}²", *([] if self.image is None else ["image"])]
+        return f"Light({', '.join(kept)}, {len(self.levels)} levels, {len(self.irradiances)} irradiance maps)"
 
     @property
     def nbytes(self) -> int:

@@ -21,7 +21,7 @@ from rsibr.store.bake import Bake, open_bake
 from rsibr.store.map_file import MapFile, write_map
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Reconstruction:
     """The radiance sphere map of a view.
 
@@ -50,6 +50,10 @@ class Reconstruction:
     method: str
     seconds: float
     prepare_seconds: float = 0.0
+
+    def __repr__(self) -> str:
+        x, y, z = self.view
+        return f"Reconstruction({self.method!r}, view ({x:.3g}, {y:.3g}, {z:.3g}), {len(self.image)}²)"
 
     def write(self, path: Path | str) -> None:
         """Write a multi-part float32 EXR: R, G, B first, then the coverage; view and frame in each header."""

@@ -56,6 +56,8 @@ class Registration:
         Place in tables, ascending.
     fixed : dict
         Options of `alias_of` that this name stands for.
+    listed : bool
+        Whether tables, `validate` and `method_names` have it; one that is not can still be named.
     alias_of : str
         Name of the method that this one is with `fixed` options; empty for a method of its own.
     """
@@ -68,6 +70,7 @@ class Registration:
     rank: int = _LAST
     fixed: Mapping[str, Any] = field(default_factory=dict)
     alias_of: str = ""
+    listed: bool = True
 
     @property
     def options(self) -> dict[str, Any]:
@@ -89,13 +92,19 @@ _REGISTERED: dict[str, Registration] = {}
 
 
 def register(
-    name: str, *, summary: str, needs: Needs = _NOTHING, role: Role = "plain", rank: int = _LAST
+    name: str,
+    *,
+    summary: str,
+    needs: Needs = _NOTHING,
+    role: Role = "plain",
+    rank: int = _LAST,
+    listed: bool = True,
 ) -> Callable[[Factory], Factory]:
     """Register a method: a decorator of its class, or of the function that makes it.
 
     Parameters
     ----------
-    name, summary, needs, role, rank
+    name, summary, needs, role, rank, listed
         See `Registration`.
 
     Returns
@@ -112,7 +121,7 @@ def register(
     """
 
     def decorate(make: Factory) -> Factory:
-        _REGISTERED[name] = Registration(name, summary, make, needs, role, rank)
+        _REGISTERED[name] = Registration(name, summary, make, needs, role, rank, listed=listed)
         return make
 
     return decorate
@@ -140,8 +149,8 @@ def registrations() -> dict[str, Registration]:
 
 
 def method_names() -> tuple[str, ...]:
-    """Names of all methods, in the order of tables."""
-    return tuple(registrations())
+    """Names of all listed methods, in the order of tables."""
+    return tuple(name for name, one in registrations().items() if one.listed)
 
 
 def registration(name: str) -> Registration:
@@ -156,13 +165,14 @@ def registration(name: str) -> Registration:
     if name not in known:
         near = get_close_matches(name, known, 1)
         meant = f"did you mean '{near[0]}'? " if near else ""
-        raise InputError(f"unknown method '{name}'", where="method", fix=f"{meant}there are: {', '.join(known)}")
+        there = ", ".join(method_names())
+        raise InputError(f"unknown method '{name}'", where="method", fix=f"{meant}there are: {there}")
     return known[name]
 
 
 def available(bake: StoredMaps) -> tuple[str, ...]:
     """Names of the methods that a bake holds all for, in the order of tables."""
-    return tuple(name for name, one in registrations().items() if one.serves(bake))
+    return tuple(name for name, one in registrations().items() if one.listed and one.serves(bake))
 
 
 def default_method(bake: StoredMaps | None = None) -> str:

@@ -29,6 +29,8 @@ class Costs:
         not measured.
     overhead_seconds : float
         Time of the whole bake beside its maps [s]: start-up, loading, probes, compilation, the light, storing.
+    light_bytes : int
+        Size of the light, of which the bake holds one.
     other_colour_bytes : int or None
         Size of a map with three channels if one is planned, or vice versa. None if not measured.
     source : str
@@ -45,6 +47,7 @@ class Costs:
     other_rendering: float | None = None
     other_colour_bytes: int | None = None
     overhead_seconds: float = 0.0
+    light_bytes: int = 0
     source: str = ""
 
 
@@ -62,7 +65,8 @@ def priced(plan: Plan, costs: Costs, asked_resolution: int) -> Plan:
     """
     effects = tuple(_priced(effect, plan, costs, asked_resolution) for effect in plan.effects)
     seconds = costs.overhead_seconds + _baked(plan, costs) * costs.seconds
-    return replace(plan, effects=effects, seconds=seconds, bytes=_whole_bytes(plan, costs), costs_from=costs.source)
+    size = costs.light_bytes + _whole_bytes(plan, costs)
+    return replace(plan, effects=effects, seconds=seconds, bytes=size, costs_from=costs.source)
 
 
 def _whole_bytes(plan: Plan, costs: Costs) -> int:

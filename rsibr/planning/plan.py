@@ -107,7 +107,7 @@ class LobePlan:
     own_views: int | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
     """Decisions on what a bake simulates. Recorded in its manifest.
 
@@ -145,6 +145,10 @@ class Plan:
     bytes: int | None
     probe_seconds: float
     costs_from: str
+
+    def __repr__(self) -> str:
+        on = ", ".join(effect.name for effect in self.effects if effect.on)
+        return f"Plan({', '.join(lobe.name for lobe in self.lobes)}; on: {on or 'nothing'})"
 
     def __getitem__(self, name: str) -> Effect:
         """Return the effect of that name; KeyError if there is none."""

@@ -1,4 +1,4 @@
-"""Imports a user's module anew, in a namespace of its own, and says in one line why that fails."""
+"""Fresh import of a user's module in a namespace of its own, with one-line errors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rsibr.errors import InputError
 
 
 def imported_afresh(name: str, where: str) -> list[ModuleType]:
-    """Run a module and its submodules once more, whether or not they have been imported before.
+    """Run a module and its submodules again, even if they have been imported before.
 
     Parameters
     ----------
@@ -26,12 +26,12 @@ def imported_afresh(name: str, where: str) -> list[ModuleType]:
     Returns
     -------
     list of module
-        The module and its submodules. Where modules of these names were imported before, `sys.modules` keeps those.
+        The module and its submodules. Modules of these names that were imported before stay in `sys.modules`.
 
     Raises
     ------
     InputError
-        If there is no such module, or it raises an error, which is then named with its line.
+        If there is no such module, or it raises an error, which is named with its line.
     """
     is_file = name.endswith(".py")
     if is_file and not Path(name).is_file():
@@ -50,7 +50,7 @@ def imported_afresh(name: str, where: str) -> list[ModuleType]:
 
 
 def _run_file(key: str, path: Path) -> None:
-    """Run a file as the module `key`; it finds modules in its own folder, as a script does."""
+    """Run a file as the module `key`; it can import from its own folder, like a script."""
     spec = spec_from_file_location(key, path)
     if spec is None or spec.loader is None:
         raise ImportError(f"{path} is no Python file")

@@ -1,7 +1,7 @@
-"""Finds a Python interpreter to start other processes with: `sys.executable` need not be one.
+"""Search for a Python interpreter to start child processes with.
 
-Where Python is embedded in another program it may be that program, nothing, or a frozen application, which would start
-itself once more.
+`sys.executable` need not be one: if Python is embedded it may be the host program, empty, or a frozen application,
+which would start itself again.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ _NAME = re.compile(r"(python|pypy)[\d.]*[a-z]?(\.exe)?", re.IGNORECASE)
 
 
 def interpreters() -> Iterator[str]:
-    """Paths that should be Python interpreters, the likeliest first; to be tried in turn, for none has been run.
+    """Candidate paths of Python interpreters, most likely first; none of them has been run.
 
-    They are `RSIBR_PYTHON` alone where it is set; otherwise what `multiprocessing` starts processes with (see
-    `multiprocessing.set_executable`), `sys.executable`, the interpreter that a virtual environment was made from, and
-    what lies in Python's own folders. Programs of another name than Python's are left out.
+    `RSIBR_PYTHON` alone if it is set. Otherwise the executable of `multiprocessing` (see
+    `multiprocessing.set_executable`), `sys.executable`, the interpreter from which a virtual environment was made, and
+    those in Python's own folders. Programs with other names than Python's are excluded.
 
     Raises
     ------
     InputError
-        If `RSIBR_PYTHON` names no file.
+        If `RSIBR_PYTHON` does not name a file.
     """
     chosen = os.environ.get(OVERRIDE)
     if chosen:
@@ -43,7 +43,7 @@ def interpreters() -> Iterator[str]:
 
 
 def search_path() -> str:
-    """`PYTHONPATH` for a child that imports what this process can import, rsibr itself included."""
+    """`PYTHONPATH` with which a child can import everything that this process can, including rsibr."""
     entries = [*os.environ.get("PYTHONPATH", "").split(os.pathsep), *(entry for entry in sys.path if entry)]
     current = [str(Path.cwd())] if "" in sys.path else []
     root = str(Path(__file__).parents[2])

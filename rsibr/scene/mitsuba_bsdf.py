@@ -53,7 +53,7 @@ def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
 def bsdf_digest(source: BsdfSource, where: str) -> str:
     """SHA-256 of a BSDF's content and of the files that it names, independent of its own file name.
 
-    Comments and white space in XML are ignored. The source of a plugin in Python counts, where its module was named.
+    Comments and white space in XML are ignored. The source of a Python plugin is included if its module was named.
     """
     if isinstance(source, dict):
         return content_digest(canonical_json(source), [*named_files(source), *sources_of(named_types(source))])
@@ -95,7 +95,9 @@ def _check_nodes(state: mi.parser.ParserState, where: str) -> None:
         fewest, most = NESTED.get(name, (0, len(state.nodes)))
         types = [child.type for child in _children(state, node)]
         nested = types.count(mi.ObjectType.BSDF)
-        unknown = types.count(mi.ObjectType.Unknown)  # of plugins in Python, whose type shows when they are made
+        unknown = types.count(
+            mi.ObjectType.Unknown
+        )  # Python plugins, whose type is known only when they are instantiated
         if node.type == mi.ObjectType.BSDF and not (fewest <= nested + unknown and nested <= most):
             wanted = str(fewest) if fewest == most else f"{fewest} or {most}"
             raise InputError(f"'{name}' has {nested} nested BSDFs, and takes {wanted}", where=where, fix=_FIX)
@@ -132,11 +134,11 @@ def _children(state: mi.parser.ParserState, node: mi.parser.SceneNode) -> list[m
 
 
 def types_named_in(xml: Path) -> set[str]:
-    """Types of the plugins in an XML file, those of included files not among them."""
+    """Types of the plugins in an XML file, without those of included files."""
     try:
         return {name for element in ElementTree.parse(xml).iter() if (name := element.get("type"))}
     except (OSError, ElementTree.ParseError, ValueError, LookupError):
-        return set()  # Mitsuba says what is wrong with it
+        return set()  # Mitsuba raises the error
 
 
 def _files_named_in(xml: Path) -> list[Path]:

@@ -67,7 +67,7 @@ def _parse(text: str) -> tuple[tuple[str, ...], Any]:
     if not equals or not all(keys):
         raise InputError(
             f"'{text}' sets nothing",
-            where="--set",
+            where="overrides",
             fix="write it as map.resolution=128",
         )
     return keys, _value(value.strip(), text)
@@ -79,10 +79,12 @@ def _value(text: str, whole: str) -> Any:
     except ValueError as error:  # also raised for integers of thousands of digits
         if text[:1] in ("{", "[", '"', "'"):
             reason = str(error).partition(" (at")[0]
-            raise InputError(f"'{whole}' is not valid TOML: {reason}", where="--set") from None
+            raise InputError(f"'{whole}' is not valid TOML: {reason}", where="overrides") from None
         return text
     if set(table) != {"value"}:
-        raise InputError(f"'{whole}' holds more than one value", where="--set", fix="give one --set for each key")
+        raise InputError(
+            f"'{whole}' holds more than one value", where="overrides", fix="give one KEY=VALUE for each key"
+        )
     # A file name may look like a date, and no value in a config is a date
     return text if isinstance(table["value"], date | time | datetime) else table["value"]
 
@@ -103,5 +105,5 @@ def _place(data: dict[str, Any], keys: tuple[str, ...], value: Any, text: str) -
     for depth, key in enumerate(keys[:-1], start=1):
         table = table.setdefault(key, {})
         if not isinstance(table, dict):
-            raise InputError(f"'{text}': {'.'.join(keys[:depth])} is not a table", where="--set")
+            raise InputError(f"'{text}': {'.'.join(keys[:depth])} is not a table", where="overrides")
     table[keys[-1]] = value

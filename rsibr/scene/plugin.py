@@ -79,7 +79,7 @@ def named_files(plugin: Mapping[str, Any]) -> list[Path]:
 
 
 def named_types(plugin: Mapping[str, Any]) -> set[str]:
-    """Return the type of a plugin and of those nested in it."""
+    """Return the types of a plugin and its nested plugins."""
     nested = [named_types(value) for value in plugin.values() if isinstance(value, Mapping)]
     return {str(plugin["type"])}.union(*nested) if "type" in plugin else set().union(*nested)
 

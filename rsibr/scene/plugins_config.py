@@ -1,4 +1,4 @@
-"""The section `[plugins]` of a config: Python modules that register Mitsuba plugins."""
+"""Section `[plugins]` of a config: Python modules that register Mitsuba plugins."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationIn
 
 
 def _module(value: Any, info: ValidationInfo) -> str:
-    """Check the name of a module, or make the path of one absolute: a relative path starts at the config's folder."""
+    """Check the name of a module, or make its path absolute; relative paths start at the folder of the config."""
     if isinstance(value, str) and all(part.isidentifier() for part in value.split(".")) and not value.endswith(".py"):
         return value
     if not isinstance(value, str) or not value.endswith(".py"):
@@ -27,8 +27,7 @@ class PluginsConfig(BaseModel):
     Attributes
     ----------
     modules : tuple of str
-        Names of modules that `import` finds, or paths that end in `.py`. Imported in this order, before anything is
-        loaded.
+        Importable module names, or paths that end in `.py`. Imported in this order, before the scene is loaded.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)

@@ -10,8 +10,8 @@ of the variant that was set when its module ran. A module of the plain idiom
 
     mi.register_bsdf("coat", Coat)
 
-is therefore run afresh, with its submodules, in every variant that rsibr sets, each time in a namespace of its own. It
-needs no function to call and no loop over variants; its own `mi.set_variant` does nothing meanwhile.
+is therefore run again, with its submodules, in every variant that rsibr sets, each time in a namespace of its own. It
+needs neither an entry function nor a loop over variants; calls of `mi.set_variant` in it are ignored.
 """
 
 from __future__ import annotations
@@ -44,24 +44,24 @@ _KINDS = (
 )
 
 _OF_THE_PARSER = ("rgb", "spectrum", "ref")
-"""Types in a plugin's tables that stand for values, not for plugins."""
+"""Types in a plugin's tables that are values, not plugins."""
 
 _OWN = "rsibr_"
-"""Prefix of the plugins that come with rsibr, which every process has."""
+"""Prefix of the plugins shipped with rsibr, which every process registers."""
 
 
 @dataclass(eq=False)
 class _PluginModule:
-    """A module of plugins, and what it has registered.
+    """Module of plugins, and the plugins that it registered.
 
     Attributes
     ----------
     name : str
         Name of the module, or path of its file.
     where : str
-        Config key or option that named it.
+        Config key or option that names it.
     registered : dict
-        Names of the plugins, for each variant that it was imported in.
+        Names of the plugins, for each variant in which it was imported.
     sources : list of Path
         Files of the module and of its submodules.
     digest : str
@@ -76,7 +76,7 @@ class _PluginModule:
 
     @property
     def is_current(self) -> bool:
-        """Whether its files are as they were when they were imported."""
+        """Whether its files are unchanged since the import."""
         return self.digest == _digest(self.sources)
 
     @property
@@ -85,7 +85,7 @@ class _PluginModule:
         return set().union(*self.registered.values())
 
     def register(self) -> None:
-        """Import the module in the current variant, unless that has been done."""
+        """Import the module in the current variant, unless it was imported in it before."""
         variant = mi.variant()
         if variant in self.registered:
             return
@@ -106,21 +106,21 @@ _modules: dict[str, _PluginModule] = {}
 
 
 def load_plugins(modules: Iterable[str], where: str = "plugins.modules") -> None:
-    """Import modules that register Mitsuba plugins, in this variant now and in every other one that rsibr sets.
+    """Import modules that register Mitsuba plugins, in the current variant and in every variant that rsibr sets later.
 
-    A module that has been loaded before is imported again only where its files have changed since.
+    A module that was loaded before is imported again only if its files have changed.
 
     Parameters
     ----------
     modules : iterable of str
-        Names of modules that `import` finds, or absolute paths that end in `.py`.
+        Importable module names, or absolute paths that end in `.py`.
     where : str
         Config key or option that an error names.
 
     Raises
     ------
     InputError
-        If a module is not there, raises an error, or registers no plugin.
+        If a module does not exist, raises an error, or registers no plugin.
     """
     for name in modules:
         if name in _modules and _modules[name].is_current:
@@ -133,18 +133,18 @@ def load_plugins(modules: Iterable[str], where: str = "plugins.modules") -> None
 
 
 def plugin_modules() -> tuple[str, ...]:
-    """Names and paths of the modules loaded so far, for other processes to load as well."""
+    """Names and paths of the modules loaded so far, to be loaded in other processes as well."""
     return tuple(_modules)
 
 
 def sources_of(types: Iterable[str]) -> list[Path]:
-    """Return the source files of those plugins that come from loaded modules: they are part of a scene's content."""
+    """Return the source files of the given plugins that come from loaded modules, for content digests."""
     wanted = set(types)
     return [path for module in _modules.values() if module.plugins & wanted for path in module.sources]
 
 
 def registered_by_hand(types: Iterable[str]) -> list[str]:
-    """Return the plugins that neither Mitsuba nor a loaded module has: registered in this process only, or nowhere."""
+    """Return the given plugins that neither Mitsuba nor a loaded module provides: other processes lack them."""
     known = {name for module in _modules.values() for name in module.plugins}.union(_OF_THE_PARSER)
     foreign = sorted({name for name in types if name not in known and not name.startswith(_OWN)})
     return [name for name in foreign if mi.PluginManager.instance().plugin_type(name) == mi.ObjectType.Unknown]
@@ -152,7 +152,7 @@ def registered_by_hand(types: Iterable[str]) -> list[str]:
 
 @contextmanager
 def _recorded() -> Iterator[set[str]]:
-    """Note which plugins are registered in the block, and keep the variant."""
+    """Record the names of the plugins registered in the block, and ignore changes of variant."""
     names: set[str] = set()
 
     def recording(register: Callable[..., None]) -> Callable[..., None]:

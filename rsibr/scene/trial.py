@@ -3,9 +3,9 @@
 Some plugins end the process on input that they do not expect. The other process is `rsibr.scene.trial_child`. Only a
 crash or a hang is a finding: what Mitsuba refuses in an orderly way, the caller hears from Mitsuba itself.
 
-The child imports the modules of plugins that its parent has loaded (`rsibr.scene.python_plugins`). It cannot see a
-plugin that was registered by hand, with `mi.register_bsdf` in the parent: such a section is loaded without a trial, and
-a warning says so. The same holds where no Python interpreter is found to start a child with.
+The child imports the plugin modules that its parent has loaded (`rsibr.scene.python_plugins`). A plugin registered
+directly in the parent, with `mi.register_bsdf`, does not exist in the child: such a section is loaded without a trial,
+with a warning. The same applies if no Python interpreter is found for the child.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ IN_TRIAL = "RSIBR_IN_TRIAL"
 """Environment variable that is set in a trial, so that it starts no further one."""
 
 BEGUN = "rsibr trial begun"
-"""What the child says once everything is imported; whoever does not say it is no Python that could try anything."""
+"""Printed by the child once its imports succeeded; without it the interpreter could not run the trial."""
 
 _NAME_THE_MODULE = 'Name its module in the config, as in plugins = {modules = ["my_plugins"]}, or with --import'
 
@@ -54,7 +54,7 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str, tim
     Returns
     -------
     str
-        Why it was not tried, to be said once it has been loaded (`warn_untried`); empty where it was.
+        Reason why it was not tried, for `warn_untried` after loading; empty if it was.
 
     Raises
     ------
@@ -89,13 +89,13 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str, tim
 
 
 def warn_untried(reason: str) -> None:
-    """Warn of what was loaded without a trial; nothing where `reason`, from `require_survival`, is empty."""
+    """Warn that a plugin was loaded without a trial, unless `reason`, from `require_survival`, is empty."""
     if reason:
         warnings.warn(f"loaded without a trial, so that a crash would have ended this process: {reason}", stacklevel=3)
 
 
 def _run_child(document: str, where: str, timeout: float = TIMEOUT) -> int | None:
-    """Exit code of a trial, negative where a signal ended it; None where no interpreter could begin one."""
+    """Exit code of a trial, negative if a signal ended it; None if no interpreter could run one."""
     for interpreter in interpreters():
         code, begun = _attempt(interpreter, document, where, timeout)
         if begun:
@@ -121,7 +121,7 @@ def _attempt(interpreter: str, document: str, where: str, timeout: float) -> tup
         )
     except subprocess.TimeoutExpired:
         raise InputError(f"Mitsuba did not load it within {timeout:.0f} s", where=where, fix="simplify it") from None
-    except OSError:  # not executable, or no program at all
+    except OSError:  # not executable, or not a program
         return 0, False
     return done.returncode, BEGUN.encode() in done.stdout
 

@@ -1,4 +1,4 @@
-"""The process that `rsibr.scene.trial` starts: loads what a user wrote for Mitsuba, and may crash in doing so.
+"""Child process of `rsibr.scene.trial`: loads a user's plugin, which may crash it.
 
 `python -m rsibr.scene.trial_child` reads one config section as JSON from stdin, loads it with the code that the caller
 is about to use, and evaluates and samples it once.
@@ -25,23 +25,23 @@ _DIRECTIONS = 64
 
 
 def try_section(document: dict[str, Any]) -> None:
-    """Load the section that `document` holds, evaluate and sample it; raises as the loader does."""
+    """Load, evaluate and sample the section in `document`; raises what the loader raises."""
     load_plugins(document.get("modules", ()))
     context = {"base": Path.cwd()}
     if "environment" in document:
         load_environment(EnvironmentConfig.model_validate(document["environment"], context=context))
-        return  # which has looked at it from all sides
+        return  # which has evaluated it
     material = load_material(MaterialConfig.model_validate(document["material"], context=context))
     _exercise(material.bsdf())
 
 
 def main() -> int:
-    """Run one trial; the exit code says nothing but that the process ended by itself."""
+    """Run one trial; any exit code means that the process did not crash."""
     document = json.load(sys.stdin)
-    print(BEGUN, flush=True)  # noqa: T201  # to the process that waits for it
+    print(BEGUN, flush=True)  # noqa: T201  # for the parent process
     try:
         try_section(document)
-    except (RsibrError, RuntimeError):  # said again, and better, by the process that asked
+    except (RsibrError, RuntimeError):  # the parent process will raise it too
         return 1
     return 0
 

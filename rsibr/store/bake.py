@@ -22,7 +22,7 @@ __all__ = ["Bake", "BakeWriter", "open_bake"]
 _NAME_A_BAKE = "name a directory that `rsibr bake` made"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Bake(DescribedMaps):
     """A whole bake on the disk, as `open_bake` found it: maps are read when they are asked for.
 

@@ -17,7 +17,7 @@ from rsibr.store.map_file import MapFile
 from rsibr.store.stored_maps import StoredMaps
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DescribedMaps:
     """All that a manifest says of its maps; the base of what holds them.
 
@@ -31,6 +31,11 @@ class DescribedMaps:
 
     path: Path
     manifest: Manifest
+
+    def __repr__(self) -> str:
+        told = self.manifest
+        views = f"{self.view_count} views of {self.resolution}²"
+        return f"{type(self).__name__}({self.path.name!r}: {views}, {told.material.name} under {told.environment.name})"
 
     @property
     def view_count(self) -> int:
@@ -77,7 +82,7 @@ class DescribedMaps:
         return triangles
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MapsInMemory(DescribedMaps):
     """Maps that were never written.
 
@@ -97,7 +102,7 @@ class MapsInMemory(DescribedMaps):
         return self.maps[index]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class AlteredMaps(DescribedMaps):
     """The maps of a bake with something done to each of them as it is read.
 

@@ -37,7 +37,7 @@ REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 _FRAME_TOLERANCE = 1e-5  # the headers are float32
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MapFile:
     """Sphere map of one view, as stored in a file.
 
@@ -69,6 +69,10 @@ class MapFile:
     variance: Image | None
     coverage: Image
     grey: bool = False
+
+    def __repr__(self) -> str:
+        x, y, z = self.view
+        return f"MapFile(view ({x:.3g}, {y:.3g}, {z:.3g}), {len(self.coverage)}²: {', '.join(self.layers)})"
 
     def __post_init__(self) -> None:
         """Reject what the file format cannot represent."""

@@ -11,7 +11,6 @@ from typing import Any, cast
 
 from rsibr import clock
 from rsibr.baking.baker import bake
-from rsibr.baking.finished import finished_bake
 from rsibr.baking.scene import Scene
 from rsibr.errors import BakeError
 from rsibr.store.atomic import checksum
@@ -109,7 +108,7 @@ class Bench:
         name = re.sub(r"\W+", "-", f"{self.scene.material_name} {self.scene.environment_name}")
         path = self.bakes / f"{name}-{checksum(canonical(key))[:12]}.rsibr"
         begun, scene = path.exists(), self.scene.prepared.resized(size.config(self.scene.config))
-        baked = finished_bake(scene.config, path, scene.digests) or _baked(scene, path)
+        baked = _baked(scene, path)
         record = self.known_bake(size) if begun else None
         if record is None:
             record = bake_record(baked, size)

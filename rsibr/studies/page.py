@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-import rsibr
 from rsibr.studies import figures
 from rsibr.studies.analysis import SceneAnalysis
 from rsibr.studies.document import StudyDocument
@@ -17,6 +16,7 @@ from rsibr.validation.estimate import readable
 from rsibr.validation.report.estimate_document import EstimateModel
 from rsibr.validation.report.page import duration, number, size
 from rsibr.validation.report.pictures import bar_colours
+from rsibr.version import __version__
 
 _MOST_SHOWN = 12
 """Largest number of points in the figure of the composition of the error."""
@@ -97,7 +97,7 @@ def study_page(document: StudyDocument, drawn: Drawn) -> str:
         answer=answer(document.doubling, document.judge.frames),
         shown=drawn.scenes,
         bar=", ".join(bar_colours()),  # used by the style sheet that all pages share
-        version=rsibr.__version__,
+        version=__version__,
     )
 
 

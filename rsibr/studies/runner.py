@@ -11,7 +11,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import rsibr
 from rsibr import backend, clock
 from rsibr.progress import Progress
 from rsibr.studies.agenda import Agenda, agenda_of
@@ -28,11 +27,12 @@ from rsibr.studies.report import write_study
 from rsibr.studies.results import PointRecord, SceneRecord
 from rsibr.studies.scene import judged_views, load_scenes
 from rsibr.studies.truth import TruthStore
+from rsibr.version import __version__
 
 BAKES_NAME, REFERENCES_NAME, JOURNAL_NAME = "bakes", "references", "journal"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Study:
     """A finished study.
 
@@ -46,6 +46,10 @@ class Study:
 
     document: StudyDocument
     out: Path
+
+    def __repr__(self) -> str:
+        points = sum(len(scene.points) for scene in self.document.scenes)
+        return f"Study({self.document.name!r}: {len(self.document.scenes)} scenes, {points} points)"
 
     @property
     def scenes(self) -> list[tuple[SceneRecord, SceneAnalysis]]:
@@ -221,7 +225,7 @@ def _judge_record(settings: StudyConfig, bench: Bench) -> JudgeRecord:
 
 
 def _machine_record(variant: str) -> MachineRecord:
-    packages = {name: version(name) for name in ("mitsuba", "drjit", "numpy")} | {"rsibr": rsibr.__version__}
+    packages = {name: version(name) for name in ("mitsuba", "drjit", "numpy")} | {"rsibr": __version__}
     return MachineRecord(
         variant=variant,
         processors=os.cpu_count() or 1,

@@ -12,7 +12,6 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-import rsibr
 from rsibr.backend import Rendering
 from rsibr.baking.scene import Scene
 from rsibr.geometry.frame import view_frame
@@ -26,6 +25,7 @@ from rsibr.scene.views import load_viewpoints
 from rsibr.store.atomic import file_checksum
 from rsibr.studies.config import StudyConfig
 from rsibr.studies.path_tracing import PathTracer
+from rsibr.version import __version__
 
 _VIEW_BRANCH = 0x7374_7564
 """Branch of the seed tree (the letters "stud") that the judged views are drawn from."""
@@ -97,7 +97,7 @@ class StudyScene:
             "seed": self.seed,
             "views": None if self.config.views.file is None else file_checksum(self.config.views.file),
             "variant": mi.variant(),
-            "versions": {name: version(name) for name in ("mitsuba", "drjit")} | {"rsibr": rsibr.__version__},
+            "versions": {name: version(name) for name in ("mitsuba", "drjit")} | {"rsibr": __version__},
         }
 
     @property

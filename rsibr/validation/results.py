@@ -53,7 +53,7 @@ class BakeSummary:
     details: dict[str, str | int | float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MethodResult:
     """One method at one view.
 
@@ -74,6 +74,9 @@ class MethodResult:
     seconds: float
     eval: EvalError | None = None
 
+    def __repr__(self) -> str:
+        return f"MethodResult(relMSE {self.error.rel_mse}, {1e3 * self.seconds:.3g} ms)"
+
 
 @dataclass(frozen=True)
 class MethodStart:
@@ -91,7 +94,7 @@ class MethodStart:
     compile_seconds: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ViewResult:
     """All methods at one view.
 
@@ -113,6 +116,10 @@ class ViewResult:
     methods: dict[str, MethodResult]
     label: str = ""
     lobes: ViewLobes | None = None
+
+    def __repr__(self) -> str:
+        x, y, z = self.view
+        return f"ViewResult(({x:.3g}, {y:.3g}, {z:.3g}): {', '.join(self.methods)})"
 
     @property
     def view(self) -> tuple[float, float, float]:
@@ -181,7 +188,7 @@ class MethodSummary:
     break_even_views: int | None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Validation:
     """A bake held against the truth at some views.
 
@@ -206,6 +213,10 @@ class Validation:
     health: Health | None = None
     plan: Plan | None = None
     starts: dict[str, MethodStart] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        errors = ", ".join(f"{name} {one.rel_mse.value:.3g}" for name, one in self.summary.items())
+        return f"Validation({self.bake.name!r} at {len(self.views)} views; relMSE: {errors})"
 
     @property
     def methods(self) -> list[str]:

@@ -23,6 +23,7 @@ from rsibr.methods.reconstruction import Reconstruction, run
 from rsibr.methods.registry import available, method_names, registration
 from rsibr.scene.environment import Environment
 from rsibr.store.bake import Bake, open_bake
+from rsibr.store.map_file import MapFile
 from rsibr.validation.eval_error import judge_eval
 from rsibr.validation.flip import exposures_for
 from rsibr.validation.health.health import Health, assess
@@ -106,13 +107,14 @@ def validate(
     chosen = _chosen_views(opened, views)
     by_lobe = has_lobes(opened, names, lobes)
     load = cache(lambda: scene or Scene.prepare(opened.config))
-    health = _trusted_health(opened, [view for _, view in chosen], out, lambda: load().environment)
+    method_set = MethodSet(opened)
+    maps = method_set.inputs.maps  # decoded once for all that looks at them
+    health = _trusted_health(opened, [view for _, view in chosen], out, lambda: load().environment, maps)
     prepared = _unchanged(opened, load())
     renderer = ReferenceRenderer(prepared.environment, prepared.material, opened.resolution, opened.rendering)
-    method_set = MethodSet(opened)
     of_lobes = max(samples // LOBE_SAMPLES, buffers)
     judge = LobeJudge(opened, prepared, method_set, of_lobes, buffers) if by_lobe else None
-    exposures = exposures_for(_mean_radiance(opened))
+    exposures = exposures_for(_mean_radiance(maps))
     results, starts = [], dict[str, float]()
     for done, (label, view) in enumerate(chosen):
         on_progress(done, len(chosen))
@@ -181,10 +183,14 @@ def _chosen_views(bake: Bake, views: int | Sequence[ArrayLike]) -> list[tuple[st
 
 
 def _trusted_health(
-    bake: Bake, views: list[NDArray[np.float64]], out: Path | str | None, environment: Callable[[], Environment]
+    bake: Bake,
+    views: list[NDArray[np.float64]],
+    out: Path | str | None,
+    environment: Callable[[], Environment],
+    maps: Sequence[MapFile],
 ) -> Health:
     """Look at the bake itself before hours of rendering; a map with NaN or holes cannot be judged."""
-    health = assess(bake, views, environment)
+    health = assess(bake, views, environment, maps)
     if health.trusted:
         return health
     if out is not None:
@@ -205,9 +211,8 @@ def _unchanged(bake: Bake, scene: Scene) -> Scene:
     return scene
 
 
-def _mean_radiance(bake: Bake) -> float:
+def _mean_radiance(maps: Sequence[MapFile]) -> float:
     """Mean over the stored maps: one exposure for all views and methods."""
-    maps = [bake.map(index) for index in range(bake.view_count)]
     total = sum(float((m.radiance * m.coverage[..., None]).sum()) for m in maps)
     return total / (3 * sum(float(m.coverage.sum()) for m in maps))
 

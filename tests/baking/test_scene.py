@@ -13,6 +13,7 @@ from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.scene import Scene
 from rsibr.lobes.split import LobeSplit
 from rsibr.scene.config import load_config
+from rsibr.store import bake as bake_store
 from rsibr.validation.health import health
 from rsibr.validation.validation import validate
 
@@ -28,6 +29,7 @@ samples = 16
 seed = 7
 """
 LOADED = {"environment": 1, "material": 1}
+DECODED = {"decoded maps": 12, "decoded lights": 1}
 
 
 @pytest.fixture
@@ -57,6 +59,8 @@ def made(monkeypatch):
     counted(parts, "probe_scene", "probes")
     counted(parts, "light_of", "light")
     counted(LobeSplit, "of", "fit")
+    counted(bake_store, "decode_map", "decoded maps")
+    counted(bake_store, "decode_light", "decoded lights")
     counted(SphereIntegrator, "__init__", "integrator")
     counted(rsibr.baking.scene, "make_plan", "plan")
     return counts
@@ -72,7 +76,7 @@ def test_a_budget_bake_makes_each_part_once_for_choice_bake_and_what_was_reached
     baked = rsibr.bake(config, out=tmp_path / "b.rsibr", overrides=["budget.error=0.2"])
     assert baked.manifest.budget.reached_error is not None
     assert made.pop("plan") == 3
-    assert made == LOADED | {"probes": 1, "fit": 1, "light": 1, "integrator": 1}
+    assert made == LOADED | {"probes": 1, "fit": 1, "light": 1, "integrator": 1, **DECODED}
 
 
 def test_one_validation_loads_once_and_fits_once(config, tmp_path, made):
@@ -80,7 +84,7 @@ def test_one_validation_loads_once_and_fits_once(config, tmp_path, made):
     made.clear()
     found = validate(baked, views=[[1, 2, 3]], samples=64)
     assert found.lobe_summary
-    assert made == LOADED | {"fit": 1, "integrator": 1}
+    assert made == LOADED | {"fit": 1, "integrator": 1, **DECODED}
 
 
 def test_a_validation_of_a_prepared_scene_loads_nothing(config, tmp_path, made):
@@ -88,7 +92,7 @@ def test_a_validation_of_a_prepared_scene_loads_nothing(config, tmp_path, made):
     scene = Scene.prepare(config)
     made.clear()
     validate(baked, views=[[1, 2, 3]], samples=64, methods=["nearest"], lobes=False, scene=scene)
-    assert not made
+    assert made == {"decoded maps": 12}
 
 
 @pytest.mark.parametrize(

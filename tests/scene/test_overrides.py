@@ -71,7 +71,7 @@ def test_a_mistake_is_one_line(override, part):
     with pytest.raises(InputError) as caught:
         apply_overrides({"map": {"resolution": 64}}, [override])
     assert part in str(caught.value)
-    assert str(caught.value).startswith("--set: ")
+    assert str(caught.value).startswith("overrides: ")
     assert "\n" not in str(caught.value)
 
 

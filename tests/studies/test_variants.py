@@ -70,11 +70,8 @@ def test_weights_make_another_picture_and_a_methods_own_do_not(methods):
     assert 0 < np.abs(gnomonic - area).mean() < 0.05 * area.mean()
 
 
-def test_bytes_are_those_of_the_maps_that_a_method_reads(bake, methods):
+def test_bytes_are_those_of_the_maps_that_a_method_reads(bake):
     texels = 12 * 16 * 16 * 3
-    assert bytes_read(bake, methods["cabral1999"], "float32") == 4 * texels
-    assert bytes_read(bake, methods["cabral1999"], "float16") == 2 * texels
-    assert (
-        bytes_read(bake, methods["rsibr"], "float32")
-        == bytes_read(bake, methods["blend"], "float32") + bake.light.nbytes
-    )
+    assert bytes_read(bake, "cabral1999", "float32") == 4 * texels
+    assert bytes_read(bake, "cabral1999", "float16") == 2 * texels
+    assert bytes_read(bake, "rsibr", "float32") == bytes_read(bake, "blend", "float32") + bake.light.nbytes

@@ -35,7 +35,7 @@ from rsibr.methods.warp_blend.warp import MirrorWarp, Warp
 from rsibr.methods.warp_blend.warp_blend import WarpBlend
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class ResidualMethod(WarpBlend):
     """A prediction P of all lobes, and the residuals of the stored maps.
 

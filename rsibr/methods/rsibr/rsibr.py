@@ -17,7 +17,7 @@ from rsibr.methods.rsibr.rsibr_fine import RsibrFine, lobe_integrals
 from rsibr.methods.rsibr.view_nodes import ViewNodes
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class RsibrPoints(RsibrFine):
     """`rsibr` for single pairs of normal and view: wide parts of the lobes from view nodes, narrow parts per point.
 
@@ -38,7 +38,7 @@ class RsibrPoints(RsibrFine):
         return radiance
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Rsibr(ResidualMethod):
     """Prediction from one half-vector pyramid for all texels of a map.
 

@@ -15,7 +15,7 @@ from rsibr.methods.rsibr.polar_grid import PolarGrid
 from rsibr.methods.rsibr.residual_method import ResidualMethod, ResidualOptions, residual_method
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class RsibrFine(ResidualMethod):
     """Prediction by integrating each lobe, with as many lookups as its shape asks for.
 

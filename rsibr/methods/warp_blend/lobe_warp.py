@@ -1,6 +1,6 @@
 """Lobes warped apart: each by its own warp, its directional albedo divided out and put back, its footprint corrected.
 
-A step between `cabral1999` and `rsibr` that needs no light; not registered as a method, but there for studies.
+A step between `cabral1999` and `rsibr` that needs no light. It is no listed method, but can be named: `lobe-warp`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from rsibr.geometry.viewpoints import ViewSphere
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.lobe_albedo import LobeAlbedo
 from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
+from rsibr.methods.protocol import Needs
+from rsibr.methods.registry import register
 from rsibr.methods.warp_blend.blend import Mixture, triangle_mix
 from rsibr.methods.warp_blend.footprint_covariance import MOST_TAKEN, MirrorFootprint, tap_angle
 from rsibr.methods.warp_blend.source_maps import SourceMaps, StoredView
@@ -124,7 +126,7 @@ class Corrections:
     moments: bool = True
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class LobeWarpMethod(WarpBlend):
     """Σ_k E_k(θ_d) [Σ_i w_i c_ik S_ik(p_ik)/E_k(θ_ik)] / Σ_i w_i c_ik; DESIGN.md, "Lobes".
 
@@ -238,3 +240,15 @@ def _mended(
         behind = lobe.sources.fetch(view, mirror.disk_of(footprint.r * cosine_of - tangent * sine))
         change += dr.sign(eigenvalue) * (ahead + behind - 2 * seen) * (1 / 6)
     return seen + dr.maximum(change, -MOST_TAKEN * seen)
+
+
+@register(
+    "lobe-warp",
+    summary="each lobe through its own warp, its albedo and footprint corrected",
+    needs=Needs(views=True, lobes=True),
+    rank=45,
+    listed=False,
+)
+def lobe_warp(inputs: MethodInputs, *, albedo: bool = True, moments: bool = True) -> LobeWarpMethod:
+    """Make the method; the options are those of `Corrections`."""
+    return LobeWarpMethod.of(inputs, Corrections(albedo, moments))

@@ -26,7 +26,7 @@ from rsibr.methods.warp_blend.source_maps import SourceMaps
 from rsibr.methods.warp_blend.warp import LEAST_CONFIDENCE, Warp, WarpBetween
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class WarpBlend:
     """Warp the stored maps to the new view, texel by texel, and blend them.
 
@@ -59,6 +59,9 @@ class WarpBlend:
         self.cost: Cost = FREE
         self._sphere = self.viewpoints.on_device
         self._frozen = Frozen(_image)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r})"
 
     @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
@@ -112,7 +115,7 @@ class WarpBlend:
         return dr.if_stmt((normal_from_disk(p),), touches_disk(p, resolution), shaded, lambda _: mi.Vector4f(0))
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class MeshWarpBlend(WarpBlend):
     """The same, with the warp computed at the vertices of a tessellated disk only; Cabral et al. (1999), section 3.3.
 

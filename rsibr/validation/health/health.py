@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
@@ -113,7 +113,7 @@ class Finding:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Health:
     """What `rsibr check` found.
 
@@ -156,6 +156,10 @@ class Health:
     clamp: float | None
     pictures: dict[int, Rgba]
 
+    def __repr__(self) -> str:
+        verdict = "trusted" if self.trusted else "not to be trusted"
+        return f"Health({self.views} views, {self.texels} texels: {verdict}, {self.warnings} warnings)"
+
     @property
     def trusted(self) -> bool:
         """Whether no texel makes the maps unusable: none is NaN, Inf or missing."""
@@ -169,7 +173,10 @@ class Health:
 
 
 def assess(
-    bake: Bake, views: Sequence[NDArray[np.float64]], environment: Callable[[], Environment] | None = None
+    bake: Bake,
+    views: Sequence[NDArray[np.float64]],
+    environment: Callable[[], Environment] | None = None,
+    maps: Iterable[MapFile] | None = None,
 ) -> Health:
     """Look at every map of a bake, at the maps together, and at how new views would read them.
 
@@ -181,6 +188,8 @@ def assess(
         New view directions, for the share of texels near a singularity.
     environment : callable, optional
         Returns what the bake was made under, or raises an `InputError`; by default it is loaded.
+    maps : iterable of MapFile, optional
+        The maps of the bake, where they are decoded already; by default they are read one after the other.
 
     Returns
     -------
@@ -193,7 +202,7 @@ def assess(
     environment below 3e-7 a channel of a view. All else is counted, not estimated.
     """
     backend.use()
-    survey = _Survey(bake)
+    survey = _Survey(map(bake.map, range(bake.view_count)) if maps is None else maps)
     drifts, above, note = _judge_energy(bake, survey.means, environment or partial(_environment_of, bake))
     return Health(
         bake=str(bake.path),
@@ -214,14 +223,14 @@ def assess(
 class _Survey:
     """All maps of a bake, looked at one after the other."""
 
-    def __init__(self, bake: Bake) -> None:
+    def __init__(self, maps: Iterable[MapFile]) -> None:
         self.texels = 0
         self.largest = 0.0
         self.relative_errors: list[float] = []
         self._masks = {kind: [0, 0] for kind in KINDS}
         self._places: dict[str, list[tuple[float, Place]]] = {kind: [] for kind in KINDS}
         self._drawn: list[tuple[int, float, int, Rgba]] = []
-        means, errors = zip(*(self._see(index, bake.map(index)) for index in range(bake.view_count)), strict=True)
+        means, errors = zip(*(self._see(index, map_file) for index, map_file in enumerate(maps)), strict=True)
         self.means = MapMeans(np.stack(means), np.stack(errors))
 
     def findings(self) -> dict[str, Finding]:

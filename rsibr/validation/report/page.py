@@ -7,11 +7,11 @@ from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-import rsibr
 from rsibr.validation.estimate import Estimate, readable
 from rsibr.validation.health.health import MARKS, SCALE
 from rsibr.validation.report import pictures
 from rsibr.validation.report.pictures import FLIP, RELATIVE_ERROR, Rgba, Scale
+from rsibr.version import __version__
 
 _LONGEST_EMBEDDED = 256
 """Texels a side that the page holds of each picture; the files in `pictures/` hold all."""
@@ -48,7 +48,7 @@ def render(template: str, **values: Any) -> str:
         "marks": MARKS,
         "standard_error": SCALE,
         "bar": ", ".join(pictures.bar_colours()),
-        "version": rsibr.__version__,
+        "version": __version__,
     }
     return environment.get_template(template).render(**values)
 

@@ -101,7 +101,7 @@ def test_what_is_undefined_is_null(validation):
 
 
 def test_the_documented_schema_is_that_of_the_code():
-    documented = Path(__file__).parents[2] / "docs" / "metrics.schema.json"
+    documented = Path(__file__).parents[3] / "docs" / "metrics.schema.json"
     assert documented.read_text(encoding="utf-8") == metrics_schema()
     assert set(json.loads(metrics_schema())["required"]) >= {"schema", "bake", "reference", "views", "summary"}
 

@@ -1,0 +1,62 @@
+"""Store executed notebooks in `notebooks/`: pictures of 256 colours, no times of cells, no paths of a machine.
+
+Run `python scripts/store_notebooks.py out/notebooks` after `make notebooks`. The site shows what is stored.
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parent.parent
+COLOURS = 256
+PNG = "image/png"
+
+
+def main() -> None:
+    """Parse the command line, and store every notebook of the folder."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="folder of executed notebooks")
+    for file in sorted(parser.parse_args().folder.glob("*.ipynb")):
+        stored = ROOT / "notebooks" / file.name
+        notebook = stored_form(json.loads(file.read_text(encoding="utf-8")))
+        stored.write_text(json.dumps(notebook, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def stored_form(notebook: dict[str, Any]) -> dict[str, Any]:
+    """Return the notebook as it is stored."""
+    for cell in notebook["cells"]:
+        cell["metadata"].pop("execution", None)
+        for output in cell.get("outputs", ()):
+            _clean(output)
+    notebook["metadata"]["language_info"] = {"name": "python"}
+    return notebook
+
+
+def _clean(output: dict[str, Any]) -> None:
+    data = output.get("data", {})
+    if PNG in data:
+        data[PNG] = smaller(data[PNG])
+    for text in (output, data):
+        for key in ("text", "text/plain"):
+            if key in text:
+                text[key] = [line.replace(f"{ROOT}/", "") for line in text[key]]
+
+
+def smaller(png: str) -> str:
+    """The same picture with a palette, where that is smaller; PNG in base64."""
+    picture = Image.open(io.BytesIO(base64.b64decode(png))).convert("RGB")
+    stream = io.BytesIO()
+    picture.quantize(COLOURS, dither=Image.Dither.FLOYDSTEINBERG).save(stream, "PNG", optimize=True)
+    small = base64.b64encode(stream.getvalue()).decode()
+    return min(png.replace("\n", ""), small, key=len)
+
+
+if __name__ == "__main__":
+    main()
