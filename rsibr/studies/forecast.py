@@ -14,7 +14,8 @@ from rsibr.studies.axes import PER_TEXEL
 from rsibr.studies.bench import Bench
 from rsibr.studies.config import PathTracingConfig
 from rsibr.studies.lobes import lobe_key
-from rsibr.studies.rates import Rates, measure_rates, preparations, view_count
+from rsibr.studies.rates import Rates, preparations, view_count
+from rsibr.studies.speed_probe import measure_rates
 from rsibr.studies.truth import reference_key
 from rsibr.validation.reference import LANES_PER_LAUNCH, MINIMUM_BUFFERS, stratified
 

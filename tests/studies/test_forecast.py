@@ -9,8 +9,9 @@ import pytest
 from rsibr.studies.agenda import agenda_of, variant_as_is
 from rsibr.studies.config import parse_study
 from rsibr.studies.forecast import Forecast
-from rsibr.studies.rates import BakeRates, MethodRates, PathTracingRates, Rates, measure_rates
+from rsibr.studies.rates import BakeRates, MethodRates, PathTracingRates, Rates
 from rsibr.studies.runner import BAKES_NAME, _benches
+from rsibr.studies.speed_probe import measure_rates
 from tests.studies.conftest import tables
 
 RATES = Rates(
