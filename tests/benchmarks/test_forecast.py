@@ -39,7 +39,7 @@ def test_forecast_of_a_bake(benchmark, tmp_path, material):
     told, taken = [], []
 
     def both():
-        told.append(_printed("plan", config, *scene, "--json")["seconds"])
+        told.append(_printed("plan", config, *scene, "--json")["plan"]["seconds"])
         start = perf_counter()
         _printed("bake", config, *scene, "--out", str(tmp_path / "bake.rsibr"), "--fresh", "--json")
         taken.append(perf_counter() - start)
