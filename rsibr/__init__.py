@@ -1,7 +1,7 @@
-"""rsibr: reflection-space image based rendering on Mitsuba 3, with its error known.
+"""rsibr: reflection-space image based rendering on Mitsuba 3, with measured error.
 
 Bake a material under a distant environment into a few radiance sphere maps, reconstruct the map of any other view from
-them, and compare it with path-traced truth:
+them, and compare it with a path-traced reference:
 
 >>> import rsibr
 >>> bake = rsibr.bake(rsibr.configs() / "demo.toml", out="out/paint.rsibr")     # doctest: +SKIP
@@ -92,7 +92,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name at its first use: `import rsibr` loads neither Mitsuba nor matplotlib."""
+    """Import public names at their first use, so that `import rsibr` loads neither Mitsuba nor matplotlib."""
     if name in _MODULES:
         value: Any = importlib.import_module(_MODULES[name])
     elif name in _HOME:

@@ -1,16 +1,16 @@
-"""Chooses, checks and gives back the Mitsuba variant; the only place that sets it.
+"""Selection, check and restoration of the Mitsuba variant; the only module that sets it.
 
-A variant is a device and what a kernel carries along a path: linear RGB, or in spectral rendering radiance at sampled
-wavelengths, or Mueller matrices of that. Everything runs in RGB but what stands in a `rendering` block.
+A variant combines a device with the quantity carried along a path: linear RGB, radiance at sampled wavelengths, or
+Mueller matrices at sampled wavelengths. Everything runs in RGB except inside a `rendering` block.
 
-The variant is a global of the process, shared by all threads (`mi.set_variant` exchanges the contents of the module
-`mitsuba`), and belongs to the user: every public function works in a `session` and puts the user's variant back.
-Mitsuba's objects stay usable while another variant is set, for each carries its own classes; only what is looked up in
-the module (`mi.Float`, `mi.load_dict`) changes.
+The variant is global to the process and shared by all threads (`mi.set_variant` replaces the contents of the module
+`mitsuba`). It belongs to the user: every public function works in a `session`, which restores the user's variant.
+Mitsuba objects remain usable while another variant is set, because each refers to its own classes; only names looked up
+in the module (`mi.Float`, `mi.load_dict`) change.
 
-Mitsuba and Dr.Jit fall back silently (CUDA to LLVM to scalar) and, with a libLLVM older than 17, abort the process in
-the middle of a render. Here neither happens: the backend is checked before the first kernel and a lack is an error that
-says how to mend it.
+Mitsuba and Dr.Jit fall back silently (CUDA to LLVM to scalar), and a libLLVM older than 17 aborts the process during a
+render. This module checks the backend before the first kernel, and raises an error that says how to fix what is
+missing.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from rsibr.errors import InputError, MachineError
 Device = Literal["cuda", "llvm"]
 
 Rendering = Literal["rgb", "spectral", "spectral_polarized"]
-"""What is carried along a path. Mitsuba has no polarised RGB: polarisation comes with spectra."""
+"""Quantity carried along a path. Mitsuba has no polarised RGB; polarisation requires spectral rendering."""
 
 MINIMUM_LLVM = 17
 """Dr.Jit 1.5 emits `llvm.maximum`, which LLVM 14, 15 and 16 cannot select on x86: the process aborts."""
@@ -52,23 +52,23 @@ INSTALL_LLVM = (
 _rendering: ContextVar[Rendering] = ContextVar("rendering", default="rgb")
 
 _choices: dict[tuple[Device | None, str, Rendering], str] = {}
-"""Variant for a device, a value of `RSIBR_DEVICE` and a rendering: looking at the machine takes its microseconds."""
+"""Cached variant by device, value of `RSIBR_DEVICE`, and rendering."""
 
 _registrations: list[Callable[[], None]] = []
 _registered: dict[str, int] = {}
-"""How many of `_registrations` have been called, for each variant."""
+"""Number of `_registrations` that have been called, by variant."""
 
 
 @dataclass
 class _Occupancy:
-    """Who is in a session: the variant of all threads is one.
+    """Sessions in progress in all threads, which share one variant.
 
     Attributes
     ----------
     depths : dict
-        Nested sessions of each thread that is in one, by its identifier.
+        Depth of nested sessions by thread identifier.
     users : str or None
-        The variant that was set before the first of them.
+        Variant that was set before the first session.
     """
 
     depths: dict[int, int]
@@ -84,16 +84,16 @@ _R = TypeVar("_R")
 
 @dataclass(frozen=True)
 class BackendReport:
-    """What the machine offers to Dr.Jit, as `rsibr doctor` shows it.
+    """Devices and libraries available to Dr.Jit, as shown by `rsibr doctor`.
 
     Attributes
     ----------
     cuda : bool
         Whether a CUDA device works.
     llvm_version : tuple of int or None
-        Version of the libLLVM that Dr.Jit loads, or None where it finds none.
+        Version of the libLLVM that Dr.Jit loads; None if it finds none.
     llvm_path : str or None
-        `DRJIT_LIBLLVM_PATH` where set; otherwise Dr.Jit chooses by its own search.
+        Value of `DRJIT_LIBLLVM_PATH`; None if it is unset and Dr.Jit searches by itself.
     """
 
     cuda: bool
@@ -102,19 +102,19 @@ class BackendReport:
 
     @property
     def llvm_usable(self) -> bool:
-        """Whether the libLLVM found is new enough to run a kernel without aborting the process."""
+        """Whether libLLVM is found, and new enough to run a kernel without aborting the process."""
         return self.llvm_version is not None and self.llvm_version[0] >= MINIMUM_LLVM
 
     @property
     def device(self) -> Device | None:
-        """The device that `use()` picks, or None where the machine has neither."""
+        """Device that `use()` selects; None if neither is usable."""
         if self.cuda:
             return "cuda"
         return "llvm" if self.llvm_usable else None
 
 
 def inspect() -> BackendReport:
-    """Look at the machine without compiling a kernel and without setting a variant."""
+    """Report devices and libraries, without compiling a kernel or setting a variant."""
     has_llvm = dr.has_backend(dr.JitBackend.LLVM)
     return BackendReport(
         cuda=bool(dr.has_backend(dr.JitBackend.CUDA)),
@@ -124,27 +124,27 @@ def inspect() -> BackendReport:
 
 
 def use(device: Device | None = None) -> str:
-    """Set the Mitsuba variant for `device`, or for the best device that works.
+    """Set the Mitsuba variant for `device`, or for the best usable device.
 
-    Inside a `rendering` block it is that rendering's, otherwise RGB's. The environment variable `RSIBR_DEVICE` (`cuda`
-    or `llvm`) stands in for an absent argument.
+    Inside a `rendering` block the variant of that rendering is set, otherwise RGB. The environment variable
+    `RSIBR_DEVICE` (`cuda` or `llvm`) gives the default of `device`.
 
     Parameters
     ----------
     device : {"cuda", "llvm"}, optional
-        The device to insist on. By default CUDA where a device works, else LLVM.
+        Required device. By default CUDA if a device works, otherwise LLVM.
 
     Returns
     -------
     str
-        The variant that is now set, for example `"llvm_ad_rgb"`.
+        Name of the variant now set, for example `"llvm_ad_rgb"`.
 
     Raises
     ------
     InputError
-        If `RSIBR_DEVICE` names no known device.
+        If `RSIBR_DEVICE` does not name a known device.
     MachineError
-        If the device does not work here, or libLLVM is missing or older than `MINIMUM_LLVM`. Never falls back.
+        If the device does not work, or libLLVM is missing or older than `MINIMUM_LLVM`. There is no fallback.
     """
     variant = _chosen(device)
     if mi.variant() != variant:
@@ -155,27 +155,27 @@ def use(device: Device | None = None) -> str:
     return variant
 
 
-class session:  # noqa: N801  # reads as the context managers of contextlib do, and is quicker
-    """Work in rsibr's variant inside the block; afterwards, also after an exception, the user's is set again.
+class session:  # noqa: N801  # named like the context managers of contextlib; faster than a generator
+    """Context manager that sets rsibr's variant, and restores the user's variant at its end or after an exception.
 
-    Sessions nest, and take a few microseconds where the variant is the right one already; a change of variants takes
-    0.05 s. A session inside another one, or inside a `rendering` block, keeps the device and the rendering in use.
+    Sessions nest. A session takes a few microseconds if the variant is set already; a change of variant takes 0.05 s. A
+    session inside another one, or inside a `rendering` block, keeps the current device and rendering.
 
-    `with session() as variant` gives the name of the variant that is now set, for example `"llvm_ad_rgb"`.
+    `with session() as variant` gives the name of the variant now set, for example `"llvm_ad_rgb"`.
 
     Raises
     ------
     InputError, MachineError
-        As `use`. The variant is then as it was.
+        As `use`. The variant is then unchanged.
 
     Notes
     -----
-    Mitsuba cannot go back to having no variant. Where none was set before, rsibr's RGB variant stays: it hides nothing,
-    for without a variant nothing could have been made, and the user's own `mi.set_variant` works as before.
+    Mitsuba cannot return to the state without a variant. If none was set before, rsibr's RGB variant remains. No object
+    of the user can depend on the former state, and a later `mi.set_variant` of the user works as usual.
 
-    The variant is shared by all threads. While several are in sessions, the user's is set again when the last one
-    leaves. A thread that uses Mitsuba in another variant at the same time, or renders spectra beside one that renders
-    RGB, needs a process of its own. Callbacks that a user hands in are called in rsibr's variant.
+    The variant is shared by all threads. If several threads are in sessions, the user's variant is restored when the
+    last one ends. A thread that uses Mitsuba in another variant at the same time, or renders spectra while another
+    renders RGB, needs its own process. Callbacks of the user are called in rsibr's variant.
 
     Examples
     --------
@@ -202,9 +202,9 @@ class session:  # noqa: N801  # reads as the context managers of contextlib do, 
 
 
 def in_session(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Decorate a function so that every call is a `session`; name, signature and docstring stay.
+    """Decorate a function so that every call runs in a `session`; name, signature and docstring are preserved.
 
-    Of a generator function each step is a session of its own: between the steps the user's variant is set.
+    For a generator function each step is a separate session: between the steps the user's variant is set.
     """
     if isgeneratorfunction(function):
         return cast("Callable[_P, _R]", _stepwise(function))
@@ -219,21 +219,26 @@ def in_session(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 @contextmanager
 def rendering(kind: Rendering) -> Iterator[str]:
-    """Render otherwise inside the block: the variant of `kind` on the device in use, and that of before afterwards.
+    """Set the variant of a rendering on the current device inside the block, and restore the previous one afterwards.
 
-    Mitsuba's objects belong to the variant that they were made in: make scenes and BSDFs inside, and use them in a
-    block of the same kind. Arrays and vectors are the same in all. What `session` says of threads, and of no variant
-    before, holds here too.
+    Mitsuba objects belong to the variant in which they were made: make scenes and BSDFs inside the block, and use them
+    in blocks of the same kind. Arrays and vectors are shared by all variants. The notes of `session` on threads and on
+    processes without a variant apply.
+
+    Parameters
+    ----------
+    kind : {"rgb", "spectral", "spectral_polarized"}
+        Quantity carried along a path.
 
     Yields
     ------
     str
-        The variant that is now set, for example `"llvm_ad_spectral"`.
+        Name of the variant now set, for example `"llvm_ad_spectral"`.
 
     Raises
     ------
     InputError, MachineError
-        As `use`; also where Mitsuba was built without the variant.
+        As `use`; also if Mitsuba was built without the variant.
     """
     outer = _rendering.set(kind)
     before, _ = _enter()
@@ -245,12 +250,18 @@ def rendering(kind: Rendering) -> Iterator[str]:
 
 
 def current_rendering() -> Rendering:
-    """Return the rendering of the block at hand; RGB outside of any."""
+    """Return the rendering of the current `rendering` block; "rgb" outside of any."""
     return _rendering.get()
 
 
 def variant_name(device: Device, kind: Rendering) -> str:
-    """Return Mitsuba's name of a variant; a MachineError where it was built without."""
+    """Return Mitsuba's name of a variant.
+
+    Raises
+    ------
+    MachineError
+        If Mitsuba was built without it.
+    """
     name = f"{device}_ad_{kind}"
     if name not in mi.variants():
         raise MachineError(f"this Mitsuba has no variant {name}", fix="install the mitsuba of requirements.lock")
@@ -258,13 +269,13 @@ def variant_name(device: Device, kind: Rendering) -> str:
 
 
 def on_variant(register: Callable[[], None]) -> Callable[[], None]:
-    """Have `register` called once for each variant that `use` sets: Mitsuba registers plugins per variant."""
+    """Call `register` once for each variant that `use` sets, because Mitsuba registers plugins per variant."""
     _registrations.append(register)
     return register
 
 
 def synchronize() -> None:
-    """Wait until the device has finished. Every timed region ends with this: Dr.Jit returns before the work is done."""
+    """Wait until the device has finished; required at the end of timed regions, because kernels are asynchronous."""
     dr.sync_thread()
 
 
@@ -282,7 +293,7 @@ def _register_plugins(variant: str) -> None:
 
 
 def _enter() -> tuple[str | None, bool]:
-    """Note that this thread begins a session; the variant at its start, and whether it is nested in another."""
+    """Record the start of a session in this thread; return the current variant, and whether the session is nested."""
     thread = get_ident()
     with _lock:
         variant = mi.variant()
@@ -294,7 +305,7 @@ def _enter() -> tuple[str | None, bool]:
 
 
 def _leave(before: str | None) -> None:
-    """Note that a session ends, and set the variant of before it, unless another thread still needs this one."""
+    """Record the end of a session, and restore the variant before it unless other threads are still in sessions."""
     thread = get_ident()
     with _lock:
         depth = _occupancy.depths.pop(thread) - 1
@@ -309,11 +320,11 @@ def _set_back(variant: str | None) -> None:
     if variant is not None and mi.variant() != variant:
         mi.set_variant(variant)
     if variant is None and mi.variant() is not None:
-        use(_device_in_use())  # no spectral variant stays behind
+        use(_device_in_use())  # RGB remains, not a spectral variant
 
 
 def _stepwise(function: Callable[..., Generator[Any, Any, Any]]) -> Callable[..., Generator[Any, Any, Any]]:
-    """Wrap a generator function; its `rendering` blocks do not reach the code that its steps are handed to."""
+    """Wrap a generator function so that its `rendering` blocks do not affect the code that iterates over it."""
 
     @wraps(function)
     def steps(*args: Any, **kwargs: Any) -> Generator[Any, Any, Any]:
@@ -327,7 +338,7 @@ def _stepwise(function: Callable[..., Generator[Any, Any, Any]]) -> Callable[...
                     return end.value
                 try:
                     step = partial(generator.send, (yield item))
-                except Exception as error:  # thrown in by who iterates: the generator's to handle
+                except Exception as error:  # thrown into the generator by its caller
                     step = partial(generator.throw, error)
         finally:
             context.run(_in_own_session, generator.close)
@@ -341,7 +352,7 @@ def _in_own_session(step: Callable[[], _R]) -> _R:
 
 
 def _device_in_use() -> Device | None:
-    """The device of the variant that is set, so that a block does not leave it; None before the first."""
+    """Device of the current variant; None if no variant is set."""
     device = (mi.variant() or "").partition("_ad_")[0]
     return device if device in VARIANT_OF else None
 
@@ -352,7 +363,7 @@ def _device_from_environment() -> Device | None:
         raise InputError(
             f"'{name}' is no device", where="RSIBR_DEVICE", fix=f"use one of: {', '.join(VARIANT_OF)}, or unset it"
         )
-    return name or None  # type: ignore[return-value]  # checked just above
+    return name or None  # type: ignore[return-value]  # checked above
 
 
 def _working_device(wanted: Device | None) -> Device:

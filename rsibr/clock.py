@@ -1,4 +1,4 @@
-"""How long the user has waited: since the process started inside a command, since the call in Python."""
+"""Wall time from the user's point of view: since the start of the process (commands) or since the call (Python)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _waiting_since: ContextVar[float | None] = ContextVar("waiting_since", default=N
 
 
 def process_start() -> float:
-    """Start of this process on the scale of `time.perf_counter` [s]; where the system does not say, of this import."""
+    """Start of this process on the scale of `time.perf_counter` [s]; that of this import where it is not recorded."""
     try:
-        # Field 22 of Linux' stat: clock ticks from boot to the start of the process; the name before it may hold spaces
+        # Field 22 of Linux' stat: clock ticks from boot to process start. Split after ")": the name may contain spaces
         fields = Path("/proc/self/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
         age = time.clock_gettime(time.CLOCK_BOOTTIME) - int(fields[19]) / os.sysconf("SC_CLK_TCK")
     except (OSError, ValueError, IndexError, AttributeError):
@@ -26,22 +26,22 @@ def process_start() -> float:
     return min(now - age, _IMPORTED) if 0 <= age < now - _IMPORTED + _LONGEST_START else _IMPORTED
 
 
-_LONGEST_START = 600.0  # an age beyond this is no start-up, but a clock that jumped
+_LONGEST_START = 600.0  # seconds; a longer start-up is attributed to a clock that jumped
 
 
 @contextmanager
 def counting(since: float | None = None) -> Iterator[float]:
-    """Count what the user waits for from one moment on, also in all that the block calls.
+    """Set the start of the user's wait for the block and everything that it calls.
 
     Parameters
     ----------
     since : float, optional
-        The moment; by default now, or that of a block around this one.
+        Start; by default that of an enclosing block, otherwise now.
 
     Yields
     ------
     float
-        The moment, on the scale of `time.perf_counter`.
+        Start, on the scale of `time.perf_counter` [s].
 
     Examples
     --------
@@ -58,17 +58,17 @@ def counting(since: float | None = None) -> Iterator[float]:
 
 
 def note_ready() -> None:
-    """Note that the backend is ready; of the first call what has passed since the process started is the start-up."""
+    """Record that the backend is ready. The first call ends the start-up time of the process."""
     if not _ready:
         _ready.append(time.perf_counter())
 
 
 def start_up_seconds() -> float | None:
-    """Time from the start of the process until the backend was ready [s]; None where none has been used."""
+    """Time from the start of the process until the backend was ready [s]; None if no backend has been used."""
     return _ready[0] - process_start() if _ready else None
 
 
 def waiting_since() -> float:
-    """When the user began to wait, on the scale of `time.perf_counter`: now, unless inside a `counting` block."""
+    """Start of the user's wait on the scale of `time.perf_counter` [s]: that of the `counting` block, otherwise now."""
     since = _waiting_since.get()
     return time.perf_counter() if since is None else since

@@ -1,22 +1,22 @@
-"""Every failure that a user can cause: what went wrong, where, and what to do about it.
+"""Exceptions for all failures that a user can cause, with cause, location and remedy.
 
-Anything else that escapes is a bug of ours and may show its traceback.
+Any other exception that reaches the user is a bug, and shows its traceback.
 """
 
 from __future__ import annotations
 
 
 class RsibrError(Exception):
-    """A failure that the user can act on; printed as one line, never as a traceback.
+    """Failure that the user can fix; printed as one line without a traceback.
 
     Parameters
     ----------
     what : str
-        What is wrong, with the offending value.
+        Cause, with the offending value.
     where : str, optional
-        File, config key, option or texel that it was found in.
+        File, config key, option or texel.
     fix : str, optional
-        What to do about it: an imperative sentence.
+        Remedy, as an imperative sentence.
     """
 
     exit_code = 2
@@ -28,10 +28,10 @@ class RsibrError(Exception):
         self.fix = fix
 
     def __reduce__(self) -> tuple[object, ...]:
-        return _made, (type(self), self.what, self.where, self.fix)  # other processes raise it, too
+        return _made, (type(self), self.what, self.where, self.fix)  # pickled, so that other processes can raise it
 
     def __str__(self) -> str:
-        """Return the one line that a user reads."""
+        """Return the message in one line: location, cause, remedy."""
         place = f"{self.where}: " if self.where else ""
         remedy = f". {self.fix[:1].upper()}{self.fix[1:]}" if self.fix else ""
         return " ".join(f"{place}{self.what}{remedy}".split())
@@ -42,24 +42,24 @@ def _made(kind: type[RsibrError], what: str, where: str, fix: str) -> RsibrError
 
 
 class InputError(RsibrError):
-    """The user's input is wrong: an argument, a config, an environment, a material (exit code 2)."""
+    """Invalid input: an argument, a config, an environment, a material (exit code 2)."""
 
     exit_code = 2
 
 
 class BakeError(RsibrError):
-    """A bake on disk cannot be used: missing, altered, truncated, locked or of another config (exit code 2)."""
+    """Unusable bake on disk: missing, altered, truncated, locked or of another config (exit code 2)."""
 
     exit_code = 2
 
 
-class CheckFailed(RsibrError):  # noqa: N818  # it is a verdict, not an error
-    """The work was done and its result does not hold (exit code 1)."""
+class CheckFailed(RsibrError):  # noqa: N818  # the result of a check, not an error
+    """A check was carried out and failed (exit code 1)."""
 
     exit_code = 1
 
 
 class MachineError(RsibrError):
-    """The machine lacks something: libLLVM, a device, memory, disk space (exit code 3)."""
+    """Missing resource of the machine: libLLVM, a device, memory, disk space (exit code 3)."""
 
     exit_code = 3

@@ -1,4 +1,4 @@
-"""How far a long piece of work has come: of a bake and of a study alike."""
+"""Progress of a bake or a study."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Progress:
-    """State of the work, as `on_progress` is told.
+    """Argument of `on_progress` callbacks.
 
     Attributes
     ----------
     done, total : float
-        Work done so far and in all: views of a bake, those done before this run among them; expected seconds of the
-        steps of a study.
+        Work done, and total work: views of a bake, including those of earlier runs, or expected seconds of the steps
+        of a study.
     step : str
-        What is at work.
+        Name of the current step.
     share : float
-        Share of that step that is done, where it is known.
+        Completed fraction of that step, in [0, 1], where it is known.
     """
 
     done: float

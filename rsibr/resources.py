@@ -1,4 +1,4 @@
-"""Where the scenes and configs that come with the project lie: in a checkout, or in the installed package."""
+"""Folders of the shipped scenes and configs, in a checkout or in the installed package."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def scenes() -> Path:
-    """Folder of the environments, materials and objects that come with rsibr.
+    """Folder of the environments, materials and objects shipped with rsibr.
 
     Raises
     ------
@@ -21,7 +21,7 @@ def scenes() -> Path:
 
 
 def configs() -> Path:
-    """Folder of the configs that come with rsibr, `demo.toml` among them.
+    """Folder of the configs shipped with rsibr, such as `demo.toml`.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Renders radiance sphere maps by direct lighting: integrator, samples, views."""
+"""Rendering of radiance sphere maps by direct illumination: integrator, sampling, views."""

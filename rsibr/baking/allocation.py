@@ -1,8 +1,8 @@
-"""Where samples are spent: more blocks for the texels and views whose noise weighs more in relMSE.
+"""Adaptive sample allocation: more blocks for the texels and views that contribute more noise to the relMSE.
 
-The relMSE of a map is the mean over its texels of r²/k, where k is the count of blocks and r the standard deviation of
-one of them relative to the radiance. For a given sum of all k it is least for k proportional to r: Neyman (1934), *On
-the Two Different Aspects of the Representative Method*, section V.
+The relMSE of a map is the mean over its texels of r²/k, where k is the number of blocks and r the standard deviation of
+one block relative to the radiance. For a given total number of blocks it is minimal for k proportional to r: Neyman
+(1934), *On the Two Different Aspects of the Representative Method*, section V.
 """
 
 from __future__ import annotations
@@ -15,37 +15,37 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 LEAST_SHARE = 0.5
-"""Blocks of any texel, to those of the even share: one that the pilot found too quiet is not starved, and its variance
-keeps its degrees of freedom."""
+"""Minimum blocks of a texel over those of uniform allocation. Protects texels whose noise the pilot underestimated, and
+keeps enough degrees of freedom for the variance."""
 
 MOST_SHARE = 8.0
-"""Blocks of any texel, to those of the even share."""
+"""Maximum blocks of a texel over those of uniform allocation."""
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Allocation:
-    """How many blocks a texel gets, by its spread.
+    """Number of blocks of a texel as a function of its noise.
 
     Attributes
     ----------
     even : int
-        Blocks of the even share.
+        Blocks a texel of uniform allocation.
     scale : float or None
-        Blocks to the relative standard deviation of a block; None: every texel gets the even share.
+        Blocks over the relative standard deviation of a block; None: uniform allocation.
     """
 
     even: int
     scale: float | None = None
 
     def shares(self, spread: Array) -> Array:
-        """Blocks of each texel before they are rounded to whole ones.
+        """Blocks of each texel before rounding.
 
         Parameters
         ----------
         spread : ndarray
-            Relative standard deviation of a block.
+            Relative standard deviation of a block of each texel.
         """
         if self.scale is None:
             return np.full(spread.shape, float(self.even))
@@ -56,19 +56,19 @@ class Allocation:
         return np.rint(self.shares(spread)).astype(np.int64)
 
     def noise(self, spread: Array) -> float:
-        """RelMSE that the noise makes, by the spread of the texels."""
+        """Predicted relMSE of the noise, from the relative standard deviation of a block of each texel."""
         return float((spread**2 / self.shares(spread)).mean())
 
 
 def equal_work(even: int, spread: Array) -> Allocation:
-    """Allocation by the spread that takes as many blocks in all as an even one.
+    """Adaptive allocation with the same total number of blocks as a uniform one.
 
     Parameters
     ----------
     even : int
-        Blocks of the even share.
+        Blocks a texel of uniform allocation.
     spread : ndarray
-        Relative standard deviation of a block, of texels of all views; not all zero.
+        Relative standard deviation of a block, for texels of all views; not all zero.
     """
 
     def surplus(logarithm: float) -> float:
@@ -76,6 +76,6 @@ def equal_work(even: int, spread: Array) -> Allocation:
 
     typical = math.log(even / float(spread.mean()))
     reach = math.log(MOST_SHARE / LEAST_SHARE) + math.log(spread.max() / spread[spread > 0].min()) + 1
-    if surplus(typical + reach) <= 0:  # all but a few texels are free of noise: those few have the most there is
+    if surplus(typical + reach) <= 0:  # nearly all texels are free of noise: the others are at the maximum
         return Allocation(even, math.exp(typical + reach))
     return Allocation(even, math.exp(brentq(surplus, typical - reach, typical + reach, xtol=1e-6)))

@@ -1,4 +1,4 @@
-"""What the plan of a bake has cost, from the maps that it made."""
+"""Measured costs of a finished bake, for its plan."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from statistics import median
 from rsibr.planning.costs import Costs
 from rsibr.store.manifest import Manifest
 
-BAKED = "measured: median seconds and bytes of the maps of this bake; `rsibr plan` measures what is absent here"
+BAKED = "measured: median seconds and bytes of the maps of this bake; `rsibr plan` measures the missing costs"
 
 
 def baked_costs(manifest: Manifest, views: int, wall_seconds: float) -> Costs:
@@ -16,9 +16,9 @@ def baked_costs(manifest: Manifest, views: int, wall_seconds: float) -> Costs:
     Parameters
     ----------
     manifest : Manifest
-        With all views done.
+        Manifest with all views done.
     views : int
-        How many the config asked for.
+        Number of views that the config asks for.
     wall_seconds : float
         Wall time of the bake [s].
     """

@@ -1,4 +1,4 @@
-"""Bakes a config: every view, in blocks of samples, into a directory that survives being killed."""
+"""Bake of a config: all views, in blocks of samples, into a directory from which a killed bake resumes."""
 
 from __future__ import annotations
 
@@ -35,9 +35,7 @@ from rsibr.store.manifest import (
 )
 from rsibr.store.map_file import MapFile
 
-RETROREFLECTIVE = (
-    "retroreflective: no warp follows light that goes back, so that expect larger errors between the views"
-)
+RETROREFLECTIVE = "retroreflective: no warp reproduces retroreflection; expect larger errors between the stored views"
 
 
 @backend.in_session
@@ -53,37 +51,37 @@ def bake(
 ) -> Bake:
     """Bake the radiance sphere maps of all views.
 
-    A bake that was killed goes on where it was and ends bit-identical to one that never was. One that is complete is
-    opened, and nothing else is done.
+    A killed bake resumes, and its result is bit-identical to that of an uninterrupted one. A complete bake is opened
+    and returned.
 
     Parameters
     ----------
     config : Config, mapping, path or Scene
-        What to bake: a config, its tables, a path to a TOML file, or a scene already prepared.
+        A config, its tables as a mapping, a path to a TOML file, or a prepared scene.
     out : path
-        Directory of the bake, by custom `NAME.rsibr`. Made if need be.
+        Directory of the bake, by convention `NAME.rsibr`. Created if it does not exist.
     overrides : sequence of str
-        `key=value` pairs that override keys of the config, as `--set` does.
+        `key=value` pairs that override keys of the config, like `--set`.
     fresh : bool
-        Start anew where `out` holds a bake of another config, or a damaged one.
+        Start over if `out` holds a damaged bake or one of another config.
     on_progress : callable
-        Called after each launch and each view; not at all where the bake is complete.
+        Called after each launch and each view; never if the bake is complete.
     budget : BudgetRecord, optional
-        What a budget of the whole bake chose, of which `config` came.
+        Choice of a budget for the whole bake from which `config` was made.
     steering : Steering, optional
-        From where on samples are shared out by noise.
+        Thresholds of adaptive sample allocation.
 
     Returns
     -------
     Bake
-        The finished bake, opened and checked.
+        Finished bake, opened and verified.
 
     Raises
     ------
     InputError
-        If the config, the environment, the material or the views are wrong.
+        If the config, the environment, the material or the views are invalid.
     BakeError
-        If `out` holds something else, a bake of another config, or one that another process is writing.
+        If `out` holds other files, a bake of another config, or one that another process is writing.
     MachineError
         If the machine has no usable backend, or the disk is full.
     """
@@ -91,7 +89,7 @@ def bake(
         prepared = config if isinstance(config, Scene) else None
         settings = config.config if isinstance(config, Scene) else config_of(config, overrides)
         if settings.budget is not None:
-            raise ValueError("a budget is decided on before its bake")
+            raise ValueError("a budget must be resolved before the bake")
         if not fresh and (found := finished_bake(settings, out, prepared.digests if prepared else None)) is not None:
             return found
         scene = prepared or Scene.prepare(settings)
@@ -109,11 +107,11 @@ def _bake_scene(
 ) -> Bake:
     sampler = Sampler(scene.integrator, scene.frames, scene.config.sampling, steering)
     if scene.config.sampling.time_budget_s is not None:
-        _ = scene.light  # made before the samples are chosen: what is left of the time is known then
+        _ = scene.light  # made before the samples are chosen, so that its time counts toward the budget
     with backend.rendering(scene.rendering):
 
         def manifest(found: Manifest | None) -> Manifest:
-            _ = scene.stored_lobes  # made now, their time counts as that before the first view
+            _ = scene.stored_lobes  # made now, so that their time counts as set-up, before the first view
             sampling = (found.sampling if found else None) or sampler.choose(begun)
             return plan_manifest(scene, scene.viewpoints, sampling, budget)
 
@@ -126,8 +124,8 @@ def _bake_scene(
 
 
 def _record_end(writer: BakeWriter, scene: Scene, begun: float) -> None:
-    """Record what the bake cost; a run that found everything done has nothing to add."""
-    seconds = max(0.0, time.perf_counter() - begun)  # no clock that jumps may cost a bake
+    """Record the costs of the bake."""
+    seconds = max(0.0, time.perf_counter() - begun)  # never negative, even if the clock jumps
     costs = baked_costs(writer.manifest, len(scene.all_around), writer.manifest.wall_seconds + seconds)
     writer.record_end(priced(scene.plan, costs, scene.config.map.side), seconds)
 
@@ -135,7 +133,7 @@ def _record_end(writer: BakeWriter, scene: Scene, begun: float) -> None:
 def plan_manifest(
     scene: Scene, viewpoints: Viewpoints, sampling: SamplingRecord, budget: BudgetRecord | None = None
 ) -> Manifest:
-    """Manifest of the bake before its first view: everything that fixes its bits."""
+    """Manifest of the bake before its first view: all inputs that determine the bits of its maps."""
     environment, material, plan, packages = scene.environment, scene.material, scene.plan, package_versions()
     return Manifest.planned(
         config=scene.config.to_dict() if budget is None else budget.asked,
@@ -164,10 +162,10 @@ def plan_manifest(
 
 
 def _notes(material: Material, plan: Plan) -> tuple[str, ...]:
-    """What of the material the warps do not follow; the bake says so, and so does every report on it."""
+    """Properties of the material that no warp reproduces; shown by the bake and by every report on it."""
     found = {"retroreflection": RETROREFLECTIVE, "anisotropy": ANISOTROPIC}
     flagged = [note for name, note in found.items() if plan[name].missed]
-    return tuple(dict.fromkeys([*material.notes, *flagged]))  # Mitsuba may have called it anisotropic already
+    return tuple(dict.fromkeys([*material.notes, *flagged]))  # no duplicates: Mitsuba may report anisotropy too
 
 
 def _bake_views(writer: BakeWriter, sampler: Sampler, on_progress: Callable[[Progress], None]) -> None:
@@ -175,7 +173,7 @@ def _bake_views(writer: BakeWriter, sampler: Sampler, on_progress: Callable[[Pro
     if not pending or record is None:
         return
     lobes = writer.manifest.lobes
-    with ThreadPoolExecutor(1) as storing:  # the device need not wait until the last view is on the disk
+    with ThreadPoolExecutor(1) as storing:  # the device renders the next view while the last one is written
         stored = storing.submit(lambda: None)
         for finished, index in enumerate(pending, start=views - len(pending)):
             start = time.perf_counter()
@@ -186,8 +184,8 @@ def _bake_views(writer: BakeWriter, sampler: Sampler, on_progress: Callable[[Pro
             blocks, frame = sampler.blocks(record, index), sampler.frames[index]
             seed = sampler.config.seed
             baked = bake_view(sampler.integrator, frame, blocks, seed=seed, index=index, on_launch=report)
-            seconds = max(0.0, time.perf_counter() - start)  # no clock that jumps may cost a view
-            stored.result()  # a full disk ends the bake here
+            seconds = max(0.0, time.perf_counter() - start)  # never negative, even if the clock jumps
+            stored.result()  # raises if the last view could not be written
             stored = storing.submit(writer.commit, index, layered(baked, lobes, index), seconds)
         stored.result()
     on_progress(Progress(views, views, "done", 1.0))
@@ -209,18 +207,18 @@ def bake_view(
     integrator : SphereIntegrator
         Scene and resolution.
     frame : ndarray, shape (3, 3)
-        Frame of the map.
+        Frame of the map, columns x, y, v.
     blocks : Blocks
         Blocks of each texel, fixed before any of these samples is drawn; see `block_sizes`.
     seed, index : int
-        Root of the seed tree, and the view's branch of it.
+        Root of the seed tree, and branch of the view.
     on_launch : callable
-        Called with the share of the work that is done.
+        Called with the fraction of the work done.
 
     Returns
     -------
     MapFile
-        Mean over the blocks, a layer a lobe, and the variance of their sum's mean.
+        Mean over the blocks with a layer for each lobe, and the variance of the mean of their sum.
     """
     seeds = np.random.SeedSequence(seed, spawn_key=(index,))
     lobes, variance = estimate(integrator, frame, blocks, seeds, on_launch)

@@ -1,4 +1,4 @@
-"""Measures what a map costs on this machine: as planned, and with one decision taken the other way."""
+"""Measured cost of a map on this machine: as planned, and with one decision of the plan reversed."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from rsibr.store.health import map_health
 from rsibr.store.map_file import MapFile, encode_map
 
 MAX_LANES = 2**19
-"""Samples of a trial: enough to keep the cores busy, a tenth of a second of them."""
+"""Samples of a trial: enough to occupy all cores, about 0.1 s of work."""
 
 RUNS = 5
-"""Timed runs, after the one that compiles; the shortest counts, for only others' work makes one longer."""
+"""Timed runs after the one that compiles. The shortest is used, because other load can only lengthen a run."""
 
 SYNC_SECONDS = 0.01
-"""Of a map and of the manifest behind it: what disks take, at most."""
+"""Upper bound on the time to sync a map and the manifest to disk [s]."""
 
 SOURCE = "calibrated: the shortest of 5 launches of each kernel on this machine, scaled to the samples of the bake"
 
@@ -37,13 +37,14 @@ def calibrate(scene: Scene, samples: int) -> Costs:
     Parameters
     ----------
     scene : Scene
-        What is planned.
+        Scene to bake.
     samples : int
         Samples a texel of the bake.
 
     Returns
     -------
     Costs
+        Seconds and bytes of a map as planned, and with each decision of the plan reversed.
     """
     options, other = scene.options, _other_rendering(scene.plan)
     planned = scene.integrator
@@ -70,21 +71,23 @@ def calibrate(scene: Scene, samples: int) -> Costs:
 
 
 def _other_rendering(plan: Plan) -> Rendering | None:
-    """What the planned rendering is held against: RGB, or spectra where they are given and RGB stands in for them."""
+    """Rendering to compare with the planned one: RGB, or spectra if the plan is RGB although the scene has spectra."""
     if plan.rendering != "rgb":
         return "rgb"
     return "spectral" if plan["spectral"].evidence > 0 else None
 
 
 def _map_seconds(kernels: dict[str, SphereIntegrator], samples: int) -> tuple[dict[str, float], float]:
-    """Seconds of a map by each kernel, from launches of at most `MAX_LANES` samples; and those to compile the first."""
+    """Seconds of a map for each kernel, scaled from launches of at most `MAX_LANES` samples; first compile time."""
+    # ---- Launch size ----
     blocks = block_sizes(samples)
     count = int(blocks.counts)
     texels = int(np.count_nonzero(next(iter(kernels.values())).coverage))
     each = max(1, min(blocks.size, MAX_LANES // texels))
     frame = view_frame(np.array([1.0, 2.0, 3.0]))
     shortest, compiled = dict.fromkeys(kernels, math.inf), list[float]()
-    for run in range(-1, RUNS):  # in turn: a machine that is busy for a while is so for all of them
+    # ---- Run -1 compiles; kernels take turns, so that temporary load affects all of them alike ----
+    for run in range(-1, RUNS):
         for name, kernel in kernels.items():
             with backend.rendering(kernel.rendering):
                 start = time.perf_counter()
@@ -95,13 +98,14 @@ def _map_seconds(kernels: dict[str, SphereIntegrator], samples: int) -> tuple[di
                 shortest[name] = min(shortest[name], seconds)
             else:
                 compiled.append(seconds)
+    # ---- Scale to the samples of the bake ----
     scale = blocks.size * count / each
     compilation = max(0.0, compiled[0] - next(iter(shortest.values())))
     return {name: seconds * scale for name, seconds in shortest.items()}, compilation
 
 
 def sample_seconds(integrator: SphereIntegrator, size: int) -> float:
-    """Seconds of one sample in a launch of blocks of `size` samples; its kernel is compiled by then."""
+    """Seconds of one sample in a launch of blocks of `size` samples, without compilation."""
     covered = int(np.count_nonzero(integrator.coverage))
     blocks = Blocks(size, max(2, MAX_LANES // (size * covered)))
     texels = next(blocks.launches(covered))
@@ -116,7 +120,7 @@ def sample_seconds(integrator: SphereIntegrator, size: int) -> float:
 
 
 def map_overhead(integrator: SphereIntegrator) -> float:
-    """Seconds that a map takes beside its samples: looked at, compressed, and synced to the disk."""
+    """Seconds of a map besides sampling: health check, compression, and sync to disk."""
     noisy = _noisy_map(integrator)
     start = time.perf_counter()
     map_health(noisy)
@@ -125,7 +129,7 @@ def map_overhead(integrator: SphereIntegrator) -> float:
 
 
 def _map_bytes(integrator: SphereIntegrator) -> int:
-    """Size of a map's file: noise compresses to what other noise does."""
+    """Size of a map file [bytes], measured on a noisy map: noise dominates the compressed size."""
     return len(encode_map(_noisy_map(integrator)))
 
 
@@ -133,5 +137,5 @@ def _noisy_map(integrator: SphereIntegrator) -> MapFile:
     frame = view_frame(np.array([1.0, 2.0, 3.0]))
     block = integrator.block(frame, 4, np.random.SeedSequence(0))
     layers = {name: integrator.image(block[:, k]) for k, name in enumerate(integrator.lobe_names)}
-    variance = integrator.image(np.abs(block.sum(axis=1)))  # in spectra a colour may lie below zero
+    variance = integrator.image(np.abs(block.sum(axis=1)))  # colours of spectral renderings may be negative
     return MapFile(frame[:, 2].copy(), frame, layers, variance, integrator.coverage, integrator.grey)

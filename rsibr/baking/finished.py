@@ -1,4 +1,4 @@
-"""Whether a bake is there already, whole: found out without planning, fitting or rendering anything."""
+"""Test whether a bake is complete already, without planning, fitting or rendering."""
 
 from __future__ import annotations
 
@@ -20,35 +20,35 @@ from rsibr.store.manifest import MANIFEST_NAME, Manifest
 from rsibr.version import __version__
 
 RECORDED = ("mitsuba", "drjit", "numpy", "OpenEXR", "rsibr")
-"""Packages whose versions a manifest holds."""
+"""Packages whose versions a manifest records."""
 
 DECISIVE = ("mitsuba", "drjit", "rsibr")
-"""Those of them that fix the bits of the maps."""
+"""Packages whose versions determine the bits of the maps."""
 
 
 def package_versions() -> dict[str, str]:
-    """Versions of the packages that a bake is made with."""
+    """Installed versions of the packages in `RECORDED`."""
     return {name: __version__ if name == "rsibr" else version(name) for name in RECORDED}
 
 
 @backend.in_session
 def finished_bake(config: Config, out: Path | str, digests: dict[str, str] | None = None) -> Bake | None:
-    """Open the bake of a config where it is complete.
+    """Open the bake of a config if it is complete.
 
     Parameters
     ----------
     config : Config
-        As it was asked for.
+        Config as given by the user.
     out : path
         Directory of the bake.
     digests : dict of str to str, optional
-        Digests of "environment" and "material" where they are loaded already; by default those of their files.
+        Digests of "environment" and "material" if they are loaded already; by default those of their files.
 
     Returns
     -------
     Bake or None
-        None where something is missing, damaged, or differs: in the config, in the content of the files that it names,
-        in the versions of the packages, or in the device. What it is, a bake finds out and says.
+        None if something is missing or damaged, or if the config, the content of the files that it names, the versions
+        of the packages, or the device differ. `rsibr.baking.baker.bake` then reports the cause.
     """
     if not (Path(out) / MANIFEST_NAME).is_file():
         return None
@@ -61,7 +61,7 @@ def finished_bake(config: Config, out: Path | str, digests: dict[str, str] | Non
 
 
 def _is_complete(manifest: Manifest) -> bool:
-    """Whether all is recorded that a bake records after its last view."""
+    """Whether everything that a bake records after its last view is there."""
     priced = manifest.plan is not None and manifest.plan.seconds is not None
     reached = manifest.budget is None or manifest.budget.reached_seconds is not None
     return priced and reached and manifest.light is not None
@@ -88,7 +88,7 @@ def _device(variant: str) -> str:
 
 
 def _has_views(manifest: Manifest, views: ViewsConfig) -> bool:
-    """Whether a file of views still holds those of the bake; those of an icosahedron are in the config."""
+    """Whether the config's file of views still holds the views of the bake; icosphere views are part of the config."""
     if views.file is None:
         return True
     every = load_viewpoints(views)

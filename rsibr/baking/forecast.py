@@ -1,4 +1,4 @@
-"""The plan of a config, by itself: what a bake would simulate, and what that would cost on this machine."""
+"""Plan of a config without a bake: effects to simulate, and their cost on this machine."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from rsibr.store.manifest import SamplingRecord
 
 @backend.in_session
 def plan(config: ConfigLike, *, overrides: Sequence[str] = ()) -> Plan:
-    """Say which effects a scene calls for, with the evidence, the cost and what leaving each out would do.
+    """Determine which effects a scene needs, with evidence, cost, and the error of leaving each out.
 
     Parameters
     ----------
     config : Config, mapping or path
-        What would be baked: a config, its tables, or a path to a TOML file.
+        A config, its tables as a mapping, or a path to a TOML file.
     overrides : sequence of str
         `key=value` pairs that override keys of the config file.
 
     Returns
     -------
     Plan
-        With costs calibrated on this machine. Nothing is baked and nothing is written.
+        Plan with costs calibrated on this machine. Nothing is baked and nothing is written.
 
     Raises
     ------
     InputError
-        If the config, the environment, the material or the views are wrong.
+        If the config, the environment, the material or the views are invalid.
     MachineError
         If the machine has no usable backend.
     """
@@ -45,16 +45,24 @@ def plan(config: ConfigLike, *, overrides: Sequence[str] = ()) -> Plan:
 
 
 def forecast(scene: Scene, begun: float) -> tuple[Plan, SamplingRecord | None]:
-    """Plan, and the samples that a bake would take where the config leaves their count to an error or a time.
+    """Plan with costs, and the sampling of a bake if the config gives a target error or a time budget.
 
     Parameters
     ----------
     scene : Scene
+        Scene to bake.
     begun : float
-        When the work on it began, by `time.perf_counter`: a budget of seconds runs from there.
+        Start of the work, by `time.perf_counter`; a budget of seconds counts from it.
+
+    Returns
+    -------
+    Plan
+        Plan with costs.
+    SamplingRecord or None
+        Chosen sampling; None if the config sets the number of samples.
     """
     asked, sampling = scene.config.sampling, None
-    # What a bake does before its first view and after its last
+    # Work of a bake before its first view
     _ = scene.plan, scene.integrator
     light_bytes = len(encode_light(scene.light))
     if asked.decided_later:

@@ -1,10 +1,10 @@
-"""Direct light on a coated sphere, texel by texel: what a bake estimates.
+"""Direct illumination of a coated sphere, texel by texel: the estimator of a bake.
 
-The sphere is convex and its light infinitely far away: no ray is traced and nothing shadows. A sample is a point of a
-texel, its normal, in spectral rendering four wavelengths, and one direction each from the light and from the BSDF,
-combined by the balance heuristic; `rsibr.baking.lattice` spreads the samples of a block. With polarisation light and
-BSDF are Mueller matrices; what is kept of their product is the intensity of the light, the first Stokes parameter. A
-map holds what an observer sees: linear RGB.
+The sphere is convex and the environment distant, so no ray is traced and there is no occlusion. A sample is a point of
+a texel with its normal, four wavelengths in spectral rendering, and one direction each from the emitter and from the
+BSDF, combined by the balance heuristic as MIS weight (docs/method.md, eq. 5). `rsibr.baking.lattice` stratifies the
+samples of a block. In polarised rendering emitter and BSDF are Mueller matrices, and the intensity of their product,
+the first Stokes parameter, is kept. Maps hold linear RGB.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from rsibr.lobes.split import LobeSplit
 from rsibr.scene.wavelengths import Wavelengths
 
 MAX_LANES = 2**22
-"""Samples in one launch: bounds the memory at about 0.3 GiB whatever the resolution and the samples."""
+"""Maximum samples of one launch: limits memory to about 0.3 GiB for any resolution and number of samples."""
 
 
 @dataclass(frozen=True)
 class EstimateOptions:
-    """What an estimate takes in; by default everything.
+    """Simplifications of an estimate; none by default.
 
     Attributes
     ----------
     grey : bool
-        Estimate the red channel alone, and let it stand for all: bit for bit what it is among three.
+        Estimate the red channel only and use it for all three; it is bit-identical to that of an RGB estimate.
     light_samples : bool
-        Draw directions from the light beside those from the BSDF.
+        Draw directions from the emitter as well as from the BSDF.
     left_out : tuple of str
-        Names of lobes that are left out.
+        Names of lobes to leave out.
     """
 
     grey: bool = False
@@ -51,53 +51,53 @@ class EstimateOptions:
 
 @dataclass(frozen=True, eq=False)
 class Launch:
-    """Blocks of samples that the device is working on, while the host is free for something else."""
+    """Asynchronous launch: blocks of samples in progress on the device."""
 
     _means: list[list[mi.Float]]
 
     def means(self) -> NDArray[np.float32]:
-        """Wait for the mean radiance of each block, shape (B, lobes, 3): unbiased, as `SphereIntegrator.block`'s.
+        """Wait for the device, and return the mean radiance of each block, shape (B, lobes, 3); see `block`.
 
-        A view of memory in which the blocks of one channel lie together.
+        A transposed view of an array in which the blocks of one channel are contiguous.
         """
         by_channel = np.array([[np.array(channel) for channel in lobe] for lobe in self._means], dtype=np.float32)
         return np.broadcast_to(by_channel, (len(by_channel), 3, by_channel.shape[-1])).transpose(2, 0, 1)
 
 
 class SphereIntegrator:
-    """Estimates the radiance of a sphere map, a block of samples at a time.
+    """Monte Carlo estimator of the radiance of a sphere map, in blocks of samples.
 
-    It renders in the variant of Mitsuba that it was made in (see `rsibr.backend.rendering`), as light and coating do.
+    It renders in the Mitsuba variant in which it was made, as do emitter and BSDF; see `rsibr.backend.rendering`.
 
     Parameters
     ----------
     emitter : dict
         Mitsuba emitter at infinity.
     bsdf : mi.BSDF
-        The coating.
+        BSDF of the coating.
     resolution : int
         Texels a side.
     split : LobeSplit, optional
-        How the material's lobes are kept apart; by default they are not.
+        Split of the BSDF into lobes that are estimated separately; by default a single lobe.
     clamp : float, optional
-        Radiance [W sr⁻¹ m⁻²] above which a sample counts as this much: quieter, and too dark. A NaN stays one.
+        Maximum radiance of a sample [W sr⁻¹ m⁻²]: less noise, and a negative bias. NaN is not clamped.
     options : EstimateOptions
-        What the estimate takes in.
+        Simplifications of the estimate.
     max_lanes : int
-        Samples in one launch at most: bounds the memory.
+        Maximum samples of one launch; limits memory.
 
     Attributes
     ----------
     max_lanes : int
         As given.
     coverage : ndarray, shape (N, N), float32
-        Share of each texel inside the disk; zero where that is negligible.
+        Share of each texel inside the disk; zero where it is negligible.
     lobe_names : list of str
-        Lobes that a block holds, in their order; "radiance" where they are not kept apart.
+        Lobes of a block in order; "radiance" where they are not estimated separately.
     grey : bool
-        Whether the three channels are one.
+        Whether only one channel is estimated.
     rendering : Rendering
-        What is carried along a path. `block` sets its variant; around many of them set it once, for that takes 0.05 s.
+        Rendering of the variant. `block` sets the variant; around many calls set it once, because it takes 0.05 s.
     """
 
     def __init__(
@@ -128,12 +128,12 @@ class SphereIntegrator:
     def _lay_out(self, resolution: int) -> None:
         self.coverage = stored_coverage(resolution)
         self._resolution = resolution
-        self._side = dr.opaque(mi.UInt32, resolution)  # maps of another size need no other kernel
+        self._side = dr.opaque(mi.UInt32, resolution)  # opaque, so that other resolutions share the kernel
         self._covered = np.flatnonzero(self.coverage).astype(np.uint32)
         self._texels = to_device(mi.UInt32, self._covered)
 
     def at_resolution(self, resolution: int) -> SphereIntegrator:
-        """Return the same estimator for maps of another size: neither the scene nor a kernel is made anew."""
+        """Return the same estimator for maps of another size, with the same scene and kernels."""
         other = copy(self)
         other._lay_out(resolution)
         return other
@@ -146,9 +146,9 @@ class SphereIntegrator:
         frame : ndarray, shape (3, 3)
             Columns x, y, z of the map's frame; z points to the viewer.
         samples : int
-            Samples a texel at least, spread evenly among each other within a launch.
+            Minimum samples a texel, stratified within a launch.
         seeds : SeedSequence
-            Fixes every random number of the block: equal seeds give equal bits.
+            Determines all random numbers of the block: equal seeds give equal bits.
 
         Returns
         -------
@@ -165,61 +165,66 @@ class SphereIntegrator:
         each = math.ceil(samples / launches)
         total = np.zeros((dr.width(self._texels), len(self.lobe_names), 3))
         for seed in seeds.generate_state(launches):
-            # One launch at a time: each is waited for, and float64 adds any number of them without loss
+            # One launch at a time, to limit memory; float64 sums them without loss
             total += self._launch(matrix, self._texels, each, int(seed)).means()
         return np.asarray(total / launches, dtype=np.float32)
 
     def launch(self, frame: NDArray[np.float64], texels: NDArray[np.integer], samples: int, seed: int) -> Launch:
-        """Begin to estimate texels in any order, and as often as is liked: one block of samples each.
+        """Start to estimate one block of samples for each entry of `texels`; entries may repeat, in any order.
 
         Parameters
         ----------
         frame : ndarray, shape (3, 3)
             As in `block`.
         texels : ndarray of int, shape (B,)
-            Which of the covered texels each block is for. Blocks are independent, of the same texel too.
+            Index among the covered texels for each block. All blocks are independent, also those of one texel.
         samples : int
-            Samples of a block, spread evenly among each other; at most `MAX_POINTS`.
+            Samples a block, stratified; at most `MAX_POINTS`.
         seed : int
-            Fixes every random number, 32 bits.
+            Determines all random numbers, 32 bits.
 
         Returns
         -------
         Launch
-            Not waited for.
+            Asynchronous result.
         """
         matrix = mi.Matrix3f(frame.astype(np.float32))
         dr.make_opaque(matrix)
         return self._launch(matrix, to_device(mi.UInt32, self._covered[texels]), samples, seed)
 
     def image(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Lay values of the covered texels out as an image, zero elsewhere."""
+        """Scatter values of the covered texels, shape (T, 3), into an image of shape (N, N, 3), zero elsewhere."""
         image = np.zeros((self._resolution**2, 3), dtype=np.float32)
         image[np.flatnonzero(self.coverage)] = values
         return image.reshape(self._resolution, self._resolution, 3)
 
     def _launch(self, matrix: mi.Matrix3f, texels: mi.UInt32, samples: int, seed: int) -> Launch:
-        """Mean over `samples` of each entry of `texels`."""
+        """Start to estimate the mean over `samples` for each entry of `texels`."""
+        # ---- One sample a lane; random numbers from the lattice of its block ----
         lanes = dr.width(texels) * samples
         seed_lane, lane = dr.opaque(mi.UInt32, seed), dr.arange(mi.UInt32, lanes)
         block = lane // samples
-        dr.eval(block)  # here a division by a literal is quick, and below no kernel knows the count of samples
+        dr.eval(block)  # a separate kernel: division by a literal is fast, and later kernels do not depend on `samples`
         points = ShiftedLattice(samples, block, lane - block * dr.opaque(mi.UInt32, samples), seed_lane)
+        # ---- Surface point and view ----
         texel = dr.gather(mi.UInt32, texels, block)
         n = matrix @ normal_from_disk(self._point_in_disk(texel, points.in_texel(), seed_lane))
         v = mi.Vector3f(matrix[0, 2], matrix[1, 2], matrix[2, 2])
+        # ---- Radiance of each lobe and channel, in one kernel; unused ones are not computed ----
         lobes = [[lobe[c] for c in self._channels] for lobe in self._clamped(self._reflected(n, v, points))]
-        dr.eval(lobes)  # once for all lobes and channels, not once a sum; what no one asks for is not computed
+        dr.eval(lobes)
+        # ---- Mean over each block ----
         means = [[dr.block_sum(channel, samples) / samples for channel in lobe] for lobe in lobes]
         dr.eval(means)
         return Launch(means)
 
     def _point_in_disk(self, texel: mi.UInt32, jitter: mi.Point2f, seed: mi.UInt32) -> mi.Point2f:
-        """A point drawn uniformly from the part of the texel inside the disk.
+        """Draw a point uniformly from the part of the texel inside the disk.
 
-        The lattice's point is kept where it lies inside. At the rim others are drawn until one does: every sample
-        counts, and its weight is one, so that coverage is divided out without any noise.
+        The point of the lattice is used if it lies inside the disk. In a texel at the rim, rejected points are redrawn
+        until one lies inside. Every sample then has weight one, and coverage is divided out without noise.
         """
+        # ---- Point of the texel ----
         step = 2 / mi.Float(self._side)
         column, row = texel % self._side, texel // self._side
         corner = mi.Point2f(column * step - 1, 1 - row * step)
@@ -227,6 +232,7 @@ class SphereIntegrator:
         def point(jitter: mi.Point2f) -> mi.Point2f:
             return mi.Point2f(corner.x + jitter.x * step, corner.y - jitter.y * step)
 
+        # ---- Rejection sampling, starting with the lattice's point ----
         generator = mi.PCG32(size=dr.width(texel), initstate=mi.UInt64(seed))
 
         def draw(_p: mi.Point2f, generator: mi.PCG32) -> tuple[mi.Point2f, mi.PCG32]:
@@ -242,14 +248,16 @@ class SphereIntegrator:
         return p
 
     def _reflected(self, n: mi.Vector3f, v: mi.Vector3f, points: ShiftedLattice) -> list[mi.Color3f]:
-        """One sample of L_r = ∫ f L_i cos θ dω, from the light and from the BSDF, each weighted for the other."""
+        """One sample of L_r = ∫ f L_i cos θ dω for each lobe, by emitter and BSDF sampling with MIS weights."""
         wavelengths = Wavelengths.drawn(points.of_wavelengths)
         si = _interaction(n, v, wavelengths)
         lobes = [mi.Color3f(0) for _ in self.lobe_names]
+        # ---- Emitter sampling ----
         if self._samples_light:
             radiance, wi = self._from_light(si, points)
             sample = self._lobes(radiance * wavelengths.weight, wi, si.wi, False, wavelengths)
             lobes = [a + b for a, b in zip(lobes, sample, strict=True)]
+        # ---- BSDF sampling ----
         if self._samples_bsdf:
             radiance, wi, is_delta = self._from_bsdf(si, points)
             sample = self._lobes(radiance * wavelengths.weight, wi, si.wi, is_delta, wavelengths)
@@ -270,13 +278,13 @@ class SphereIntegrator:
         return [lobes[k] for k in self._kept]
 
     def _clamped(self, lobes: list[mi.Color3f]) -> list[mi.Color3f]:
-        """Scale the lobes of a sample down to a sum of `clamp` where it exceeds that."""
+        """Scale the lobes of a sample so that their sum does not exceed `clamp`."""
         if self._clamp is None:
             return lobes
         radiance = mi.Color3f(0)
         for lobe in lobes:
             radiance += lobe
-        scale = dr.select(radiance > self._clamp, self._clamp / radiance, 1)  # a NaN passes: it is counted, not hidden
+        scale = dr.select(radiance > self._clamp, self._clamp / radiance, 1)  # NaN passes, for the health check
         return [lobe * scale for lobe in lobes]
 
     def _from_light(
@@ -287,7 +295,7 @@ class SphereIntegrator:
         value, pdf = self._bsdf.eval_pdf(mi.BSDFContext(), si, wi)
         share = light.pdf / (light.pdf + pdf) if self._samples_bsdf else mi.Float(1)
         radiance = _intensity(si, value, wi, weight) * dr.select(light.delta, 1, share)
-        # Only a density of zero is no sample: one of NaN reaches the map, where it is counted
+        # A density of zero means no sample. NaN is kept, so that the health check counts it
         return dr.select(~(light.pdf <= 0), radiance, 0), wi
 
     def _from_bsdf(
@@ -310,14 +318,14 @@ class SphereIntegrator:
 def _intensity(
     si: mi.SurfaceInteraction3f, value: mi.Spectrum, wi: mi.Vector3f, light: mi.Spectrum
 ) -> mi.UnpolarizedSpectrum:
-    """Light times BSDF; with polarisation in frames that fit together, and the first Stokes parameter of it."""
+    """Emitter radiance times BSDF; in polarised rendering with matched Stokes frames, reduced to the intensity."""
     if not mi.is_polarized:
         return value * light
     return mi.unpolarized_spectrum(si.to_world_mueller(value, -wi, si.wi) * light)
 
 
 def _interaction(n: mi.Vector3f, v: mi.Vector3f, wavelengths: Wavelengths) -> mi.SurfaceInteraction3f:
-    """A point of the surface with normal `n`, seen from `v`."""
+    """Make the surface interaction of a point with normal `n`, seen from `v`."""
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(n))
     si.t = 1.0
     si.n = mi.Normal3f(n)

@@ -1,9 +1,9 @@
-"""The random numbers of a block of samples: a rank-1 lattice, shifted at random.
+"""Random numbers of a block of samples: a randomly shifted rank-1 lattice.
 
-The points of a lattice are spread evenly in all dimensions at once. A sample of the BSDF takes three, of which one
-picks the lobe: strata of pairs of dimensions leave the noise of that choice as it is. A shift, drawn anew for each
-block and each dimension, makes every point uniform, so that the mean of a block is unbiased, and blocks independent:
-Cranley & Patterson (1976), *Randomization of Number Theoretic Methods for Multiple Integration*.
+A lattice is stratified in all dimensions jointly. A BSDF sample takes three dimensions, one of which selects the lobe;
+stratifying pairs of dimensions does not reduce the noise of that selection. A random shift, drawn for each block and
+each dimension, makes every point uniformly distributed. The mean of a block is therefore unbiased, and blocks are
+independent: Cranley & Patterson (1976), *Randomization of Number Theoretic Methods for Multiple Integration*.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_POINTS = 4096
-"""Points of a lattice at most: beyond, further lattices gain as much as finer ones."""
+"""Maximum points of a lattice; beyond, more lattices reduce noise as much as finer ones."""
 
 _COUPLING = 0.3
-"""Weight of every dimension beside the two of a direction: light varies most over directions, over a texel little."""
+"""Weight of all dimensions except the two of a direction: radiance varies most with direction, little over a texel."""
 
 _CANDIDATES = 256
-"""Components that are tried for each dimension: of more, the best is hardly better."""
+"""Components tried for each dimension; more candidates hardly improve the best."""
 
 _GOLDEN = 0x9E3779B9
-"""Distance of the seeds of the pairs of one launch; those of launches are random numbers."""
+"""Difference between the seeds of the pairs of dimensions of one launch; the seeds of launches are random."""
 
 
 _ROUNDS = 8
-"""Of the hash that shifts come from: by Mitsuba's four, those of neighbouring blocks correlate up to 0.5."""
+"""Rounds of the hash that gives the shifts. With Mitsuba's 4, shifts of neighbouring blocks correlate by up to 0.5."""
 
 
 class Generator(NamedTuple):
-    """Components of the vector that generates a lattice, by what the dimension is used for: point k is k·z/n mod 1."""
+    """Generating vector z of a lattice, by the use of its dimensions: point k is k·z/n mod 1."""
 
     direction: tuple[int, int]
     choice: int
@@ -45,7 +45,7 @@ class Generator(NamedTuple):
 
 @cache
 def generator(points: int) -> Generator:
-    """Search for a good lattice, a component at a time.
+    """Construct a good lattice component by component.
 
     Parameters
     ----------
@@ -54,13 +54,15 @@ def generator(points: int) -> Generator:
 
     Notes
     -----
-    Each component makes the worst-case error of a weighted Korobov space of smoothness 2 least: the mean over the
-    points of Π (1 + γ 2π² B₂(x)), with Bernoulli's polynomial B₂. Sloan & Reztsov (2002), *Component-by-component
-    construction of good lattice rules*. The two coordinates in a texel count once more as a pair by themselves, for
-    their weights make little of their product.
+    Each component minimises the worst-case error in a weighted Korobov space of smoothness 2: the mean over the points
+    of Π (1 + γ 2π² B₂(x)), with the Bernoulli polynomial B₂. Sloan & Reztsov (2002), *Component-by-component
+    construction of good lattice rules*. The pair of coordinates in a texel is added as a separate term, because their
+    weights give their product little influence.
     """
+    # ---- Candidates: coprime to n, at most `_CANDIDATES` of them ----
     candidates = [z for z in range(1, max(2, points // 2 + 1)) if math.gcd(z, points) == 1]
     candidates = candidates[:: -(-len(candidates) // _CANDIDATES)]
+    # ---- Worst-case error: factors 1 + γ 2π² B₂(x) ----
     k = np.arange(points)
     x = k / points
     bernoulli = 2 * math.pi**2 * (x * x - x + 1 / 6)
@@ -71,6 +73,7 @@ def generator(points: int) -> Generator:
     def best(product: NDArray[np.float64], weight: float = _COUPLING, pair: NDArray[np.float64] | float = 0.0) -> int:
         return min(candidates, key=lambda z: float((product * factor(z, weight) + pair * factor(z, 1.0)).mean()))
 
+    # ---- Components: direction, choice of lobe, wavelength, point in the texel ----
     product = factor(1, 1.0)
     second = best(product, 1.0)
     product *= factor(second, 1.0)
@@ -84,18 +87,18 @@ def generator(points: int) -> Generator:
 
 
 class ShiftedLattice:
-    """Lattices of many blocks, one point a lane.
+    """Randomly shifted lattices of many blocks, one point a lane.
 
     Parameters
     ----------
     points : int
         Points of each lattice, 1 to `MAX_POINTS`.
     block : mi.UInt32
-        Which block each lane belongs to.
+        Index of the block of each lane.
     index : mi.UInt32
-        Which of the block's points it is.
+        Index of the point in its block.
     seed : mi.UInt32
-        Fixes the shifts; opaque, lest every seed compile a kernel.
+        Determines the shifts; opaque, so that all seeds share a kernel.
     """
 
     def __init__(self, points: int, block: mi.UInt32, index: mi.UInt32, seed: mi.UInt32) -> None:
@@ -103,28 +106,28 @@ class ShiftedLattice:
         self._generator = generator(points)
 
     def in_texel(self) -> mi.Point2f:
-        """Where in its texel the sample lies."""
+        """Position of the sample in its texel, in [0, 1)²."""
         return mi.Point2f(*self._shifted(self._generator.texel, 0))
 
     def toward_light(self) -> mi.Point2f:
-        """What the direction to the light is drawn by."""
+        """Random numbers for emitter sampling."""
         return mi.Point2f(*self._shifted(self._generator.direction, 1))
 
     def of_lobe(self) -> tuple[mi.Float, mi.Point2f]:
-        """What a lobe of the BSDF is chosen by, and what a direction in it is drawn by."""
+        """Random numbers for BSDF sampling: selection of a lobe, and direction."""
         choice, _ = self._shifted((self._generator.choice, self._generator.wavelength), 2)
         return choice, mi.Point2f(*self._shifted(self._generator.direction, 3))
 
     def of_wavelengths(self) -> mi.Float:
-        """What the wavelengths are drawn by."""
+        """Random number for the wavelengths."""
         return self._shifted((self._generator.choice, self._generator.wavelength), 2)[1]
 
     def _shifted(self, components: tuple[int, int], pair: int) -> tuple[mi.Float, mi.Float]:
-        """Two coordinates in [0, 1), with a shift of their own."""
+        """Two coordinates in [0, 1), with the shifts of pair `pair` of dimensions."""
         first, second = mi.sample_tea_32(self._block, self._seed + mi.UInt32(pair * _GOLDEN % 2**32), _ROUNDS)
         return self._coordinate(components[0], first), self._coordinate(components[1], second)
 
     def _coordinate(self, component: int, shift: mi.UInt32) -> mi.Float:
-        """Coordinate in fixed point: what overflows is the whole part."""
+        """Coordinate in fixed point; integer overflow takes it modulo 1."""
         step = dr.opaque(mi.UInt32, round(2**32 * component / self._points) % 2**32)
         return mi.Float((self._index * step + shift) >> 8) * 2**-24

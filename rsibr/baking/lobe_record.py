@@ -1,4 +1,4 @@
-"""What a manifest holds of a lobe."""
+"""Manifest record of a lobe."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rsibr.store.manifest import LobeRecord, ProxyRecord
 
 
 def lobe_record(lobe: Lobe, plan: Plan) -> LobeRecord:
-    """Record a lobe, its numbers rounded to six digits, and how many views keep it apart."""
+    """Make the record of a lobe: numbers rounded to six digits, and the number of views that store it separately."""
     proxy = lobe.proxy
     terms = () if proxy is None else zip(proxy.alphas, proxy.coefficients, strict=True)
     return LobeRecord(

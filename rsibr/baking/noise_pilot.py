@@ -1,7 +1,7 @@
-"""A pilot of each view: how noisy its texels are, from a few samples of a small map that go into no result.
+"""Noise pilot of each view: variance of its texels from a few samples of a small map, which are then discarded.
 
-What steers the samples of a texel must not be among them, or their mean would be biased: a texel that by chance saw
-none of a bright spot would be taken for a quiet one.
+Samples that steer the allocation must not enter the result, which would be biased: a texel whose first samples missed
+a bright spot would be taken for one with little noise.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from rsibr.baking.integrator import SphereIntegrator
 from rsibr.store.noise import COVERED, relative_variance
 
 PILOT_BLOCKS = 4
-"""Blocks of each texel of the small map: with its neighbours, 9 times as many and of three channels."""
+"""Blocks a texel of the small map. Pooled with its neighbours over three channels, 9 × 3 times as many."""
 
 _COARSER = 4
-"""Texels of the map to one of the pilot, along a side: its cost is PILOT_BLOCKS / _COARSER² of an even block."""
+"""Resolution of the map over that of the pilot: the pilot costs PILOT_BLOCKS / _COARSER² blocks a texel of the map."""
 
 LEAST_SIDE = 16
-"""Texels of the pilot along a side at least."""
+"""Minimum texels a side of the pilot."""
 
 _POOLED = 3
 _PILOT_BRANCH = 0x70696C6F
@@ -31,18 +31,18 @@ Image = NDArray[np.float64]
 
 
 class NoisePilot:
-    """Looks at the noise of views before they are baked; a pure function of the scene, the view and the seed.
+    """Estimate the noise of views before they are baked; a pure function of scene, view and seed.
 
     Parameters
     ----------
     integrator : SphereIntegrator
-        That of the bake.
+        Integrator of the bake.
     size : int
-        Samples of a block of the bake: what strata gain goes by it.
+        Samples a block of the bake; the gain of stratification depends on it.
     seed : int
         Root of the seed tree.
     least_side : int
-        Texels of the small map along a side at least: the coarser they are, the more they overrate the noise.
+        Minimum texels a side of the small map; coarser texels overestimate the noise more.
 
     Attributes
     ----------
@@ -58,14 +58,14 @@ class NoisePilot:
         self._weight = uniform_filter(covered.astype(np.float64), _POOLED, mode="constant")
 
     def look(self, frame: NDArray[np.float64], index: int) -> Image:
-        """Relative variance of a block of each texel of the small map, pooled with its neighbours.
+        """Relative variance of a block for each texel of the small map, pooled with its neighbours.
 
         Parameters
         ----------
         frame : ndarray, shape (3, 3)
-            Frame of the view.
+            Frame of the view, columns x, y, v.
         index : int
-            The view's branch of the seed tree.
+            Branch of the view in the seed tree.
 
         Returns
         -------
@@ -82,11 +82,11 @@ class NoisePilot:
         return np.asarray(np.where(covered, pooled / np.maximum(self._weight, 1e-9), 0.0))
 
     def spread(self, looked: Image) -> NDArray[np.float64]:
-        """Relative standard deviation of a block of the small map's judged texels, flat."""
+        """Relative standard deviation of a block for the texels of the small map that metrics use, flat."""
         return np.asarray(np.sqrt(looked[self._small.coverage >= COVERED]))
 
     def enlarged(self, looked: Image) -> NDArray[np.float64]:
-        """Relative standard deviation of a block of each covered texel of the bake's maps, flat."""
+        """Relative standard deviation of a block for each covered texel of the bake's maps, interpolated, flat."""
         size, small = self._full.coverage.shape[0], len(looked)
         at = (np.arange(size) + 0.5) * small / size - 0.5
         grid = np.meshgrid(at, at, indexing="ij")

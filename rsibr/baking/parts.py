@@ -1,4 +1,4 @@
-"""What of a scene holds for maps of every size: each part is made when it is first asked for, and once."""
+"""Parts of a scene that do not depend on the resolution; each is made once, at its first use."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from rsibr.scene.material import Material, load_material
 from rsibr.scene.python_plugins import load_plugins
 
 EVERYTHING = EstimateOptions()
-"""What an estimate takes in by default."""
+"""Default options of an estimate: nothing is left out."""
 
 _T = TypeVar("_T")
 
 
 @dataclass(frozen=True, eq=False)
 class SceneParts:
-    """A material under an environment, loaded and checked; what is measured of them and built from them.
+    """Environment and material, loaded and checked, with everything measured or built from them.
 
     Attributes
     ----------
     environment, material
-        The scene.
+        Loaded environment and material.
     """
 
     environment: Environment
@@ -53,7 +53,7 @@ class SceneParts:
         Raises
         ------
         InputError
-            If either is wrong.
+            If either is invalid.
         """
         start = time.perf_counter()
         load_plugins(config.plugin_modules)
@@ -63,35 +63,35 @@ class SceneParts:
 
     @property
     def seconds(self) -> float:
-        """Time that all parts made so far took [s]."""
+        """Time to make all parts made so far [s]."""
         return sum(self._seconds)
 
     @cached_property
     def bsdf(self) -> mi.BSDF:
-        """The coating, in RGB rendering."""
+        """BSDF of the coating, in the RGB variant."""
         with backend.rendering("rgb"):
             return self.material.bsdf()
 
     @property
     def split(self) -> LobeSplit:
-        """The lobes of the material, fitted in RGB rendering."""
+        """Split of the material into lobes, fitted in the RGB variant."""
         return self._once("split", lambda: LobeSplit.of(self.bsdf), "rgb")
 
     @cached_property
     def probes(self) -> Probes:
-        """What plans go by; `Probes.seconds` counts the fit of the lobes too."""
+        """Measurements that plans are based on; `Probes.seconds` includes the fit of the lobes."""
         start = time.perf_counter()
         found = self._once("probes", lambda: probe_scene(self.environment, self.bsdf, self.split), "rgb")
         return replace(found, seconds=time.perf_counter() - start)
 
     def sampling_ratio(self, block: int) -> float | None:
-        """What the light's samples are worth in blocks of so many samples; None where that is no question."""
+        """See `rsibr.baking.pilot.sampling_ratio`, for blocks of `block` samples; None if the plan does not need it."""
         if not self.probes.wants_pilot:
             return None
         return self._once(("ratio", block), lambda: sampling_ratio(self.environment.emitter(), self.bsdf, block), "rgb")
 
     def lobes(self, rendering: Rendering) -> Sequence[Lobe]:
-        """Lobes as maps show them that are rendered so; see `rsibr.lobes.adaptation`."""
+        """Lobes adapted to maps of a rendering; see `rsibr.lobes.adaptation`."""
 
         def adapted() -> Sequence[Lobe]:
             return adapted_lobes(self.split, self.environment, self.material, rendering)
@@ -99,14 +99,14 @@ class SceneParts:
         return self._once(("lobes", rendering), adapted, "rgb")
 
     def light(self, rendering: Rendering, with_image: bool, shapes: Mapping[str, LobeShape]) -> Light:
-        """The light with what lobes look up in it; see `rsibr.light.radiance.Light`.
+        """Environment with the tables that the lobes need; see `rsibr.light.radiance.Light`.
 
-        An image is RGB from the start, whatever the maps are rendered in.
+        An environment given as an image is RGB, for any rendering of the maps.
 
         Parameters
         ----------
         rendering : Rendering
-            Of the maps.
+            Rendering of the maps.
         with_image : bool
             Whether the environment's own image is kept; see `light_of`.
         shapes : dict of str to LobeShape
@@ -128,16 +128,16 @@ class SceneParts:
         clamp: float | None = None,
         options: EstimateOptions = EVERYTHING,
     ) -> SphereIntegrator:
-        """Estimator of maps of any size; one that differs only in the size shares scene and kernels.
+        """Make the estimator of maps; estimators that differ only in resolution share scene and kernels.
 
         Parameters
         ----------
         resolution : int
             Texels a side.
         rendering : Rendering
-            What is carried along a path.
+            Quantity carried along a path, see `rsibr.backend.Rendering`.
         keeps_apart : bool
-            Whether the lobes are estimated apart.
+            Whether the lobes are estimated separately.
         clamp, options
             See `SphereIntegrator`.
         """
@@ -150,12 +150,12 @@ class SceneParts:
         return made if made.coverage.shape[0] == resolution else made.at_resolution(resolution)
 
     def _once(self, key: Any, make: Callable[[], _T], rendering: Rendering) -> _T:
-        """Return what is known under `key`, or make it in the variant of `rendering`."""
+        """Return the cached value of `key`, or make it in the variant of `rendering`."""
         if key not in self._made:
             before, start = self.seconds, time.perf_counter()
             with backend.rendering(rendering):
                 self._made[key] = make()
-            nested = self.seconds - before  # parts that this one asked for
+            nested = self.seconds - before  # time of parts that this one needed, which is recorded already
             self._seconds.append(max(0.0, time.perf_counter() - start - nested))
         made: _T = self._made[key]
         return made

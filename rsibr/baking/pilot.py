@@ -1,4 +1,4 @@
-"""A small trial of two ways to sample: what the light's samples are worth under an even sky."""
+"""Comparison of BSDF sampling with emitter and BSDF sampling (MIS), by a small trial."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ RESOLUTION = 24
 BLOCKS = 16
 
 MAX_SAMPLES = 256
-"""Samples of a block at most; otherwise as many as the bake's blocks have, for their count decides what strata gain."""
+"""Maximum samples a block of the trial; below, those of the bake, because the gain of stratification depends on it."""
 
 _VIEW = (1.0, 2.0, 3.0)
-_SEED = 0x70696C6F  # the letters "pilo": no view of a bake draws the same random numbers
+_SEED = 0x70696C6F  # the letters "pilo"; no random number is shared with a bake
 
 
 def sampling_ratio(emitter: dict[str, Any], bsdf: mi.BSDF, samples: int) -> float:
-    """Variance by the BSDF's samples alone, over that by light and BSDF together, at equal counts of samples.
+    """Variance of BSDF sampling over that of emitter and BSDF sampling with MIS, at equal numbers of samples.
 
     Parameters
     ----------
     emitter : dict
-        Mitsuba emitter at infinity, an even one: a small source could escape the trial.
+        Mitsuba emitter at infinity, without small bright sources, which the trial could miss.
     bsdf : mi.BSDF
-        The coating.
+        BSDF of the coating.
     samples : int
         Samples a texel in a block of the bake.
 
     Returns
     -------
     float
-        Ratio of the relative variances, mean over the texels. The same on every machine, to rounding: a bake that is
-        resumed decides alike. Standard error about 5 %.
+        Ratio of the relative variances, each a mean over the texels, with a standard error of about 5 %. Deterministic
+        up to rounding, so that a resumed bake makes the same decision.
     """
     count = min(samples, MAX_SAMPLES)
     alone, both = (

@@ -1,4 +1,4 @@
-"""The schema of what `rsibr plan --json` prints."""
+"""Schema of the output of `rsibr plan --json`."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from rsibr.store.manifest import BudgetRecord, SamplingRecord
 
 
 class PlanDocument(BaseModel):
-    """Which effects a scene calls for. Times in seconds, sizes in bytes, errors as relMSE; null: not measured."""
+    """Effects that a scene needs. Times in seconds, sizes in bytes, errors as relMSE; null: not measured."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     schema_version: Literal[1] = Field(alias="schema")
     missed: tuple[str, ...] = Field(description="effects that matter here and are left out")
     plan: Plan
-    sampling: SamplingRecord | None = Field(None, description="what a target error or a time budget would choose")
-    budget: BudgetRecord | None = Field(None, description="what a budget of the whole bake would choose")
+    sampling: SamplingRecord | None = Field(None, description="sampling chosen for a target error or a time budget")
+    budget: BudgetRecord | None = Field(None, description="parameters chosen for a budget of the whole bake")
 
     @classmethod
     def of(cls, plan: Plan, sampling: SamplingRecord | None = None, budget: BudgetRecord | None = None) -> PlanDocument:
-        """Take over a plan, and what else would be chosen."""
+        """Make the document of a plan, with the choices of a target error, a time or a budget."""
         missed = tuple(effect.name for effect in plan.missed)
         return cls(schema=1, missed=missed, plan=plan, sampling=sampling, budget=budget)
 

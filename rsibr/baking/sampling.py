@@ -1,4 +1,4 @@
-"""How many samples a bake takes, and where: decided once, before its first view, and recorded."""
+"""Number and allocation of the samples of a bake, decided once before its first view, and recorded."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from rsibr.scene.config import SamplingConfig
 from rsibr.store.manifest import SamplingRecord
 
 NOISE_MARGIN = 1.1
-"""Predicted noise of a bake to the one promised: the prediction is right to a few per cent, and rather too high."""
+"""Safety factor on the predicted noise; the prediction is within a few per cent, and tends to be too high."""
 
 PROMISING_SIDE = 32
-"""Texels of a pilot along a side at least where an error is promised."""
+"""Minimum texels a side of a pilot if a target error is given."""
 
 TIME_MARGIN = 0.9
-"""Forecast seconds to those allowed."""
+"""Share of a time budget that the forecast may use."""
 
 AFTER_PILOTS = 0.6
-"""Share of the seconds that is left for samples, at least, once pilots and a sample's time have been measured."""
+"""Minimum share of a time budget that remains for samples after pilots and timing."""
 
 TYPICAL_SIZE = 16
-"""Samples of a block to begin with where their count is still to be found."""
+"""Initial samples a block where the number of samples is not known yet."""
 
 SIZES = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048, 3072, 4096)
-"""Samples of a block that are chosen from where their count is free: lattices of these are among the best."""
+"""Block sizes to choose from if the number of samples is free; lattices of these sizes are among the best."""
 
 MAX_SAMPLES = 2**24
 LEAST_SAMPLES = 4
@@ -44,17 +44,17 @@ LEAST_SAMPLES = 4
 
 @dataclass(frozen=True)
 class Steering:
-    """From where on samples are shared out by noise, and not evenly.
+    """Thresholds above which samples are allocated adaptively, by noise.
 
     Attributes
     ----------
     worth_it : float
-        Predicted ratio of the noise of even samples to that of allocated ones above which they are allocated: below,
-        the pilot, the odd launches and what the prediction is off by leave nothing to win.
+        Predicted ratio of the noise of uniform to that of adaptive allocation above which the latter is used. Below,
+        the cost of the pilot and the error of the prediction outweigh the gain.
     least_work : int
-        Samples of a view below which no pilot is made to allocate them: its launch would take longer than it saves.
+        Samples a view below which no pilot is rendered, because it would take longer than it saves.
     few_blocks : int
-        Blocks a texel where their size is free and samples are even.
+        Blocks a texel of uniform allocation if the block size is free.
     """
 
     worth_it: float = 1.15
@@ -64,17 +64,18 @@ class Steering:
 
 @dataclass(eq=False)
 class Sampler:
-    """Chooses the samples of a bake, and hands each view its own.
+    """Choose the samples of a bake and of each view.
 
     Attributes
     ----------
     integrator : SphereIntegrator
-        That of the bake.
+        Integrator of the bake.
     frames : sequence of ndarray, shape (3, 3)
-        Frames of all its views.
+        Frames of all views.
     config : SamplingConfig
-        What is asked for.
+        Requested samples, target error or time budget.
     steering : Steering
+        Thresholds of adaptive allocation.
     """
 
     integrator: SphereIntegrator
@@ -85,17 +86,17 @@ class Sampler:
     _looks: dict[int, Image] = field(default_factory=dict)
 
     def choose(self, begun: float) -> SamplingRecord:
-        """Decide.
+        """Choose number and allocation of the samples.
 
         Parameters
         ----------
         begun : float
-            When the bake began, by `time.perf_counter`: a budget of seconds runs from there.
+            Start of the bake, by `time.perf_counter`; a time budget counts from it.
 
         Raises
         ------
         InputError
-            If no count of samples keeps what is asked for.
+            If no number of samples meets the target error or the time budget.
         """
         if self.config.target_error is not None:
             record = self._for_error(self.config.target_error)
@@ -106,7 +107,7 @@ class Sampler:
         return record.model_copy(update={"seconds": max(0.0, time.perf_counter() - begun)})
 
     def blocks(self, record: SamplingRecord, index: int) -> Blocks:
-        """Blocks of each texel of a view; the same whether or not the choice was made in this process."""
+        """Blocks of each texel of a view: a function of the record, hence the same in a resumed bake."""
         if record.scale is None:
             return Blocks(record.block, record.even)
         pilot = self._pilot_for(record.block)
@@ -125,7 +126,7 @@ class Sampler:
         return self._allocated(blocks.size, even, self._spread(blocks.size))
 
     def _allocated(self, size: int, even: int, spread: NDArray[np.float64]) -> SamplingRecord:
-        """Samples where the noise is, or evenly where that is worth nothing."""
+        """Adaptive allocation, or uniform if the predicted gain is below the threshold."""
         plain = Allocation(even)
         noise = plain.noise(spread)
         if not self.config.adaptive or even < MAX_BLOCKS or not spread.any():
@@ -139,7 +140,7 @@ class Sampler:
 
     def _for_error(self, target: float) -> SamplingRecord:
         needed, again, least, spread = self._fewest(target)
-        if again.scale is None:  # a finer lattice is no noisier, so that no block need be left half used
+        if again.scale is None:  # uniform: a finer lattice is no noisier, so the blocks can be larger
             size, scale = min(MAX_POINTS, max(again.block, math.ceil(needed / least))), None
             even = max(least, math.ceil(needed / size))
         else:
@@ -151,19 +152,19 @@ class Sampler:
         )
 
     def _fewest(self, target: float) -> tuple[float, SamplingRecord, int, NDArray[np.float64]]:
-        """Few large blocks for all, whose strata are fine, or many small ones to share out: whichever takes less.
+        """Choose between few large blocks (fine lattices, uniform) and many small ones (adaptive): fewer samples win.
 
         Returns
         -------
         needed : float
             Samples a texel that keep the noise below the target.
         record, least, spread
-            How they are taken, of so many blocks a texel; and the spread of the texels.
+            Allocation, its number of blocks a texel, and the relative standard deviations of a block.
         """
         typical = self._allocated(TYPICAL_SIZE, MAX_BLOCKS, self._spread(TYPICAL_SIZE))
         _check_within_reach(_needed(typical, target), target)
         ways = []
-        # The many come last: only they need their pilots again, which are kept till then
+        # Many blocks last: only these need their pilots again during the bake, and the last pilots stay cached
         few = self.steering.few_blocks
         for least in (few,) if typical.scale is None or few == MAX_BLOCKS else (few, MAX_BLOCKS):
             size = _size_for(_needed(typical, target), least)
@@ -187,14 +188,14 @@ class Sampler:
         return record.model_copy(update={"promised_seconds": allowed})
 
     def _affordable(self, size: int, allowed: float, begun: float) -> float:
-        """Samples a texel that the seconds left allow for."""
+        """Samples a texel that fit into the remaining time."""
         overhead = len(self.frames) * map_overhead(self.integrator)
         rate = sample_seconds(self.integrator, size)
         left = TIME_MARGIN * allowed - (time.perf_counter() - begun) - overhead
         return min(MAX_SAMPLES, left / (rate * self._texels * len(self.frames)))
 
     def _spread(self, size: int) -> NDArray[np.float64]:
-        """Spread of the texels of all views, from a pilot of each."""
+        """Relative standard deviation of a block for the texels of all views, from a pilot of each view."""
         pilot = self._pilot_for(size)
         return np.concatenate([pilot.spread(self._look(pilot, index)) for index in range(len(self.frames))])
 
@@ -212,7 +213,7 @@ class Sampler:
 
 
 def _needed(record: SamplingRecord, target: float) -> float:
-    """Samples a texel that keep the noise below the target: relMSE goes with their inverse."""
+    """Samples a texel that keep the noise below the target; relMSE is inversely proportional to them."""
     return NOISE_MARGIN * (record.forecast_rel_mse or 0.0) / target * record.even * record.block
 
 
@@ -227,5 +228,5 @@ def _check_within_reach(needed: float, target: float) -> None:
 
 
 def _size_for(samples: float, blocks: int = MAX_BLOCKS) -> int:
-    """Samples of a block so that at least `blocks` of them are taken, one of `SIZES`."""
+    """Largest block size of `SIZES` with at least `blocks` blocks in `samples`."""
     return max((size for size in SIZES if size * blocks <= samples), default=SIZES[0])

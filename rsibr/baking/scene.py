@@ -1,4 +1,4 @@
-"""The prepared scene: made once, and handed to everything that bakes, forecasts, probes, validates or studies."""
+"""Prepared scene: made once, and passed to everything that bakes, forecasts, probes, validates or studies."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ from rsibr.store.lobe_shape import shape_of
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene:
-    """A config with all that follows from it; what not everyone needs is made when it is first asked for.
+    """Config with environment, material, plan and integrator, each made at its first use.
 
     Attributes
     ----------
     config : Config
-        As it was asked for: what is `"auto"` in it stays so.
+        Config as given by the user; `"auto"` values stay `"auto"`.
     parts : SceneParts
-        What holds for maps of every size, shared by all scenes that `resized` returns.
+        Parts independent of the resolution, shared by all scenes that `resized` returns.
     block : int or None
-        Samples of a block in which the plan weighs the light's samples; None: as the config's samples are split.
+        Samples a block for the plan's decision on emitter sampling; None: that of the config's samples.
     """
 
     config: Config
@@ -53,19 +53,19 @@ class Scene:
 
     @classmethod
     def prepare(cls, config: ConfigLike, overrides: Sequence[str] = ()) -> Scene:
-        """Load and check what a config names.
+        """Load and check environment and material of a config.
 
         Parameters
         ----------
         config : Config, mapping or path
             See `rsibr.scene.config.config_of`.
         overrides : sequence of str
-            `a.b=value`, laid over it.
+            `key=value` pairs that override keys of the config.
 
         Raises
         ------
         InputError
-            If the config, the environment or the material is wrong.
+            If the config, the environment or the material is invalid.
         MachineError
             If the machine has no usable backend.
         """
@@ -73,7 +73,7 @@ class Scene:
         return cls(settings, SceneParts.of(settings))
 
     def resized(self, config: Config, block: int | None = None) -> Scene:
-        """Return the scene of another config of the same environment and material: what both need is made once.
+        """Return the scene of another config with the same environment and material; both share `parts`.
 
         Parameters
         ----------
@@ -84,38 +84,38 @@ class Scene:
         """
         own = self.config
         if (config.environment, config.material) != (own.environment, own.material):
-            raise ValueError("the environment and the material of a scene are what they are")
+            raise ValueError("the environment and the material must be those of the scene")
         return replace(self, config=config, block=block)
 
     @property
     def environment(self) -> Environment:
-        """The distant light."""
+        """Environment."""
         return self.parts.environment
 
     @property
     def material(self) -> Material:
-        """The coating."""
+        """Material."""
         return self.parts.material
 
     @property
     def digests(self) -> dict[str, str]:
-        """Digest of the content of environment and material."""
+        """Digests of the content of environment and material."""
         return {"environment": self.environment.digest, "material": self.material.digest}
 
     @cached_property
     def plan(self) -> Plan:
-        """Which effects are simulated, without their costs."""
+        """Plan of the simulated effects, without costs."""
         block = self.block or block_sizes(self.config.sampling.count).size
         return make_plan(self.config, self.parts.probes, self.parts.sampling_ratio(block))
 
     @property
     def rendering(self) -> Rendering:
-        """What is carried along a path."""
+        """Quantity carried along a path, see `rsibr.backend.Rendering`."""
         return self.plan.rendering
 
     @cached_property
     def variant(self) -> str:
-        """Mitsuba's name of the variant that renders the maps."""
+        """Name of the Mitsuba variant that renders the maps."""
         with backend.rendering(self.rendering) as variant:
             return variant
 
@@ -126,19 +126,20 @@ class Scene:
 
     @property
     def keeps_apart(self) -> bool:
-        """Whether the lobes of the material are stored apart."""
+        """Whether the lobes of the material are stored separately."""
         return self.config.effects.lobes != "off"
 
     @cached_property
     def lobes(self) -> Sequence[Lobe]:
-        """Lobes of the material as the maps show them; none where they are not kept apart."""
+        """Lobes of the material in the rendering of the maps; empty if they are not stored separately."""
         return self.parts.lobes(self.rendering) if self.keeps_apart else ()
 
     @cached_property
     def stored_lobes(self) -> list[Lobe]:
-        """Lobes that a bake stores: those that are not left out.
+        """Lobes that a bake stores: all but those that the plan leaves out.
 
-        Where `effects.fresnel` is forced off each has one albedo for all angles: a reconstruction carries nothing.
+        If `effects.fresnel` is forced off, each albedo is constant, so that a reconstruction ignores its variation
+        with angle.
         """
         kept = [lobe for lobe in self.lobes if lobe.name not in self.plan.left_out]
         if self.plan["fresnel"].forced != "off":
@@ -147,24 +148,24 @@ class Scene:
 
     @property
     def light(self) -> Light:
-        """The light, with what the stored lobes look up in it."""
+        """Environment with the tables that the stored lobes need."""
         shapes = {lobe.name: shape_of(lobe_record(lobe, self.plan)) for lobe in self.stored_lobes}
         return self.parts.light(self.rendering, any(lobe.is_mirror for lobe in self.lobes), shapes)
 
     @cached_property
     def all_around(self) -> Viewpoints:
-        """The views that the config asks for."""
+        """Views that the config asks for."""
         return load_viewpoints(self.config.views)
 
     @cached_property
     def viewpoints(self) -> Viewpoints:
-        """The views to bake; see `planned_views`."""
+        """Views to bake; see `planned_views`."""
         return self.planned_views(self.all_around)
 
     def planned_views(self, viewpoints: Viewpoints) -> Viewpoints:
-        """Return the views to bake of these: all of them, or one where every lobe has a closed form in the light alone.
+        """Return the views to bake: all of `viewpoints`, or one if every lobe is predicted from the environment alone.
 
-        That one map is what the closed forms are held against; without lobes kept apart there are none.
+        The single map serves to check those predictions. If lobes are not stored separately, all views are needed.
         """
         return viewpoints if self.plan.needs_views or not self.keeps_apart else witness(viewpoints)
 
@@ -175,18 +176,18 @@ class Scene:
 
     @property
     def options(self) -> EstimateOptions:
-        """What an estimate takes in."""
+        """Simplifications of the estimate, as planned."""
         return EstimateOptions(self.plan.grey, self.plan.light_samples, self.plan.left_out)
 
     @cached_property
     def integrator(self) -> SphereIntegrator:
-        """What renders the planned maps, in the plan's variant."""
+        """Integrator of the planned maps, in the plan's variant."""
         return self.integrator_with(self.options)
 
     def integrator_with(
         self, options: EstimateOptions, *, keeps_apart: bool | None = None, rendering: Rendering | None = None
     ) -> SphereIntegrator:
-        """Estimator of maps of the planned size that takes in something else; by default the lobes as planned."""
+        """Integrator of maps of the planned size with other options; by default with lobes and rendering as planned."""
         return self.parts.integrator(
             self.resolution,
             rendering or self.rendering,
@@ -197,7 +198,7 @@ class Scene:
 
     @property
     def identifying_config(self) -> dict[str, Any]:
-        """What of the config fixes the bits of the maps, with what was settled on in place of what is open."""
+        """Part of the config that determines the bits of the maps, with `"auto"` values resolved."""
         settings = self.config.to_dict()
         sampling = settings["sampling"]
         if self.config.sampling.decided_later:

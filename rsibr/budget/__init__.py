@@ -1,1 +1,1 @@
-"""Chooses resolution, views and samples so that a promised error or time is kept, and says what was reached."""
+"""Budget of a bake: choice of resolution, views and samples for a given error or time, and the reached values."""

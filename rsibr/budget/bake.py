@@ -1,4 +1,4 @@
-"""Bakes and plans of any config: where it has a budget of the whole bake, what that leaves open is chosen first."""
+"""Bake and plan of any config; with a budget for the whole bake, its open parameters are chosen first."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def bake(
     fresh: bool = False,
     on_progress: Callable[[Progress], None] = lambda _: None,
 ) -> Bake:
-    """Bake the radiance sphere maps of all views, within the config's budget where it has one.
+    """Bake the radiance sphere maps of all views, within the config's budget if it has one.
 
-    A bake that was killed goes on where it was and ends bit-identical to one that never was: what a budget decided is
-    recorded before the first view and not decided again. One that is complete is opened, and nothing else is done.
+    A killed bake resumes, and its result is bit-identical to that of an uninterrupted one: the choices of a budget are
+    recorded before the first view and not made again. A complete bake is opened and returned.
 
     Parameters
     ----------
@@ -43,17 +43,22 @@ def bake(
     Returns
     -------
     Bake
-        The finished bake, opened and checked. `bake.manifest.budget` and `bake.manifest.sampling` say what was
+        Finished bake, opened and verified. `bake.manifest.budget` and `bake.manifest.sampling` record what was
         promised, chosen and reached.
 
     Raises
     ------
     InputError
-        If the config, the environment, the material or the views are wrong, or a budget cannot be kept.
+        If the config, the environment, the material or the views are invalid, or a budget cannot be met.
     BakeError
-        If `out` holds something else, a bake of another config, or one that another process is writing.
+        If `out` holds other files, a bake of another config, or one that another process is writing.
     MachineError
         If the machine has no usable backend, or the disk is full.
+
+    Examples
+    --------
+    >>> bake = rsibr.bake("configs/demo.toml", out="out/paint.rsibr")                      # doctest: +SKIP
+    >>> bake = rsibr.bake("configs/demo.toml", out="out/small.rsibr", overrides=["map.resolution=64"])  # doctest: +SKIP
     """
     path = Path(out)
     with clock.counting() as begun:
@@ -74,14 +79,20 @@ def bake(
 
 @backend.in_session
 def plan(config: ConfigLike, *, overrides: Sequence[str] = ()) -> Plan:
-    """Say what a bake would simulate, of the size that its budget would choose; see `rsibr.baking.forecast.plan`."""
+    """Plan a bake, with the resolution, views and samples that its budget chooses; see `rsibr.baking.forecast.plan`.
+
+    Examples
+    --------
+    >>> plan = rsibr.plan("configs/demo.toml")                                             # doctest: +SKIP
+    >>> [effect.name for effect in plan.effects if effect.on]                              # doctest: +SKIP
+    """
     return planned(config, overrides)[0]
 
 
 def planned(
     config: ConfigLike, overrides: Sequence[str] = ()
 ) -> tuple[Plan, SamplingRecord | None, BudgetRecord | None]:
-    """Plan, and what a target, a time or a budget would choose. Nothing is baked."""
+    """Plan, with the choices of a target error, a time budget, or a budget for the whole bake. Nothing is baked."""
     with clock.counting() as begun:
         scene = Scene.prepare(config, overrides)
         if scene.config.budget is None:
@@ -91,7 +102,7 @@ def planned(
 
 
 def _recorded(path: Path, config: Config) -> tuple[Config, BudgetRecord] | None:
-    """What was chosen for the bake that is there."""
+    """Config and budget record of the bake in `path`; None if there is no bake."""
     if not (path / MANIFEST_NAME).exists():
         return None
     found = read_manifest(path / MANIFEST_NAME)
@@ -102,15 +113,15 @@ def _recorded(path: Path, config: Config) -> tuple[Config, BudgetRecord] | None:
 
 
 def _record_reached(baked: Bake, scene: Scene) -> None:
-    """Measure the error of a finished bake, and keep it with the time it took."""
+    """Measure the error of a finished bake, and record error and time in its manifest."""
     found = reached_error(baked, scene)
 
     def told(manifest: Manifest | None) -> Manifest:
         if manifest is None or manifest.budget is None:
             raise ValueError("the bake has no budget")
-        seconds = manifest.whole_seconds  # the choice is part of it
+        seconds = manifest.whole_seconds  # includes the choice
         reached = {"reached_error": found.value, "reached_ci95": found.ci95, "reached_seconds": seconds}
         return manifest.model_copy(update={"budget": manifest.budget.model_copy(update=reached)})
 
     with BakeWriter.open(baked.path, told):
-        pass  # what is told is on the disk
+        pass  # opening writes the manifest

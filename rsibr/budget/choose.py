@@ -1,4 +1,4 @@
-"""Chooses what a budget of the whole bake leaves open of resolution, views and samples, by quick probes."""
+"""Choice of resolution, views and samples within a budget for the whole bake, by quick probes."""
 
 from __future__ import annotations
 
@@ -20,54 +20,54 @@ RESOLUTIONS = (64, 128, 256, 512)
 SUBDIVISIONS = (0, 1, 2, 3)
 
 BIAS_SHARE = 0.75
-"""Share of a promised error that the bias may take: with less left to the noise, samples cost more than views do."""
+"""Maximum share of a promised error for the bias. With less left for noise, samples would cost more than views."""
 
 NOISE_MARGIN = 1.15
-"""Samples to those that the probe's noise calls for."""
+"""Safety factor on the number of samples that the probed noise requires."""
 
 NEGLIGIBLE_NOISE = 0.05
-"""Noise to the bias below which more samples buy nothing that anyone could see."""
+"""Ratio of noise to bias below which more samples have no visible effect."""
 
 PROBING_SHARE = 0.2
-"""Share of a budget of seconds that goes into probes at most."""
+"""Maximum share of a time budget for probes."""
 
 LEAST_SAMPLES = 64
 MOST_SAMPLES = 2**16
 
-_PROBE_OVERHEAD = 0.5  # seconds of a probe beside its samples, measured on two cores
+_PROBE_OVERHEAD = 0.5  # seconds of a probe besides sampling, measured on two cores
 
-_SIZE = 16  # samples of the blocks that time is measured with
+_SIZE = 16  # samples a block in timing measurements
 
 
 @dataclass(frozen=True)
 class Size:
-    """A candidate: texels a side, and views."""
+    """Candidate: texels a side, and views."""
 
     resolution: int
     views: ViewsConfig
 
 
 def choose(scene: Scene, begun: float) -> tuple[Config, BudgetRecord]:
-    """Choose what a budget leaves open, by quick probes.
+    """Choose the parameters that a config with a budget leaves open, by quick probes.
 
     Parameters
     ----------
     scene : Scene
-        Of a config with a budget. What it sets itself of resolution, views and samples stays.
+        Scene of a config with a budget. Resolution, views and samples that the config sets are kept.
     begun : float
-        When the work on it began, by `time.perf_counter`: the time that the choice took counts from there.
+        Start of the work, by `time.perf_counter`; the time of the choice counts from it.
 
     Returns
     -------
     config : Config
-        Without a budget: what to bake.
+        Config to bake, without a budget.
     record : BudgetRecord
-        What was promised, probed and chosen.
+        Promised, probed and chosen values.
 
     Raises
     ------
     InputError
-        If the budget cannot be kept; it says what could.
+        If the budget cannot be met; the message says what is possible.
     """
     config, budget = scene.config, scene.config.budget
     if budget is None:
@@ -103,7 +103,7 @@ def choose(scene: Scene, begun: float) -> tuple[Config, BudgetRecord]:
 
 
 def _sizes(scene: ProbedScene) -> Iterator[Size]:
-    """Candidates, the least work first; what the config sets itself is no question."""
+    """Yield candidates in ascending order of work; parameters that the config sets are fixed."""
     config = scene.config
     resolutions = RESOLUTIONS if config.map.resolution == "auto" else (config.map.resolution,)
     open_views = config.views.is_open and scene.plan.needs_views
@@ -121,7 +121,7 @@ def _size_for_error(scene: ProbedScene, error: float) -> tuple[Size, ProbeRecord
             return size, found, probes
     best = min(probes, key=lambda probe: probe.upper)
     raise InputError(
-        f"an error of {error:g} cannot be promised here: the best that can be is {best.upper / BIAS_SHARE:.3g}, "
+        f"an error of {error:g} cannot be promised: the smallest possible is {best.upper / BIAS_SHARE:.3g}, "
         f"with {best.views} maps of {best.resolution}²",
         where="budget.error",
         fix="allow for more error, or leave map.resolution, views and sampling.samples open",
@@ -129,7 +129,7 @@ def _size_for_error(scene: ProbedScene, error: float) -> tuple[Size, ProbeRecord
 
 
 def _fits(found: ProbeRecord, error: float, config: Config) -> bool:
-    """Whether the noise can be brought below what the bias leaves, by the samples given or by as many as it takes."""
+    """Whether bias and noise stay below the error, with the given samples or with at most `MOST_SAMPLES`."""
     if config.sampling.samples != "auto":
         return found.upper + NOISE_MARGIN * found.noise * found.samples / config.sampling.samples <= error
     return NOISE_MARGIN * found.noise * found.samples / (error - found.upper) <= MOST_SAMPLES
@@ -143,7 +143,7 @@ def _samples_for(found: ProbeRecord, error: float, config: Config) -> int:
 
 
 def _negligible(found: ProbeRecord) -> int:
-    """Samples a texel beyond which the noise no longer matters beside the bias."""
+    """Samples a texel beyond which noise is negligible compared with bias."""
     matters = found.noise * found.samples / (NEGLIGIBLE_NOISE * max(found.bias, 1e-9))
     return int(np.clip(matters, LEAST_SAMPLES, MOST_SAMPLES))
 
@@ -151,7 +151,7 @@ def _negligible(found: ProbeRecord) -> int:
 def _size_for_seconds(
     scene: ProbedScene, seconds: float, begun: float
 ) -> tuple[Size, ProbeRecord, list[ProbeRecord], int]:
-    """The most accurate of the candidates that can be probed in time, with the samples that it leaves time for."""
+    """Most accurate of the candidates that can be probed in time, with the samples that fit into the remaining time."""
     probes: list[ProbeRecord] = []
     best: tuple[float, Size, ProbeRecord] | None = None
     rate = sample_seconds(scene.integrator, _SIZE)
@@ -179,7 +179,7 @@ def _size_for_seconds(
 
 
 def _affordable(scene: ProbedScene, found: ProbeRecord, rate: float, seconds: float) -> float:
-    """Samples a texel that a budget of seconds leaves time for; where the config sets them, whether it does."""
+    """Samples a texel that fit into a time budget; if the config sets them, that number, or 0 if it does not fit."""
     integrator = scene.integrator.at_resolution(found.resolution)
     left = (1 - PROBING_SHARE) * seconds - found.views * map_overhead(integrator)
     samples = left / (rate * np.count_nonzero(integrator.coverage) * found.views)

@@ -1,8 +1,8 @@
-"""Quick probes of a scene: how the method `rsibr` would err at new views, for maps of a given size, before any bake.
+"""Quick probes of a scene: error of the method `rsibr` at novel views, by map size, before any bake.
 
-A probe bakes only the stored views around a few new ones, twice and with few samples, and holds both against the new
-views, rendered twice as well. All four are independent, so that the mean of (a − r)(b − r') is the squared bias, and
-half that of (a − b)² the noise: neither has to be told from the other.
+A probe bakes only the stored views around a few novel ones, twice and with few samples. Both reconstructions a, b are
+compared with two renderings r, r' of the novel views. All four are independent, so the mean of (a − r)(b − r')
+estimates the squared bias, and half the mean of (a − b)² the noise.
 """
 
 from __future__ import annotations
@@ -36,22 +36,22 @@ from rsibr.store.map_file import MapFile
 from rsibr.store.noise import COVERED, denominator
 
 VIEWS = 10
-"""New views of a probe: half in the middle of a triangle of stored ones, the places farthest from them, half random."""
+"""Novel views of a probe: half at centroids of triangles of stored views, the farthest points, half random."""
 
 CONFIDENCE = 0.9
-"""That the mean over `JUDGED` other views lies below the upper bound."""
+"""Probability that the mean error over `JUDGED` other views lies below the upper bound."""
 
 JUDGED = 8
-"""Views that a promise is held to, as `rsibr validate` takes them."""
+"""Number of views over which a promise is tested, as in `rsibr validate`."""
 
 _SAMPLES = 16
 _SHARP = 128
-"""Samples a texel of a probe, and texels a side that they are for."""
+"""Samples a texel of a probe, at this number of texels a side."""
 
 _LEAST_SAMPLES = 8
 
 _BRANCH = 0x62756467_00000000
-"""Branch of the seed tree (the letters "budg"): no random number is shared with a bake."""
+"""Branch of the seed tree (the letters "budg"); no random number is shared with a bake."""
 
 _NOWHERE = Path("probe")
 
@@ -59,14 +59,14 @@ Frames = Sequence[NDArray[np.float64]]
 
 
 class ProbedScene:
-    """Probes of one scene: what is rendered of the new views serves all of them.
+    """Probes of one scene; they share the renderings of the novel views.
 
     Parameters
     ----------
     scene : Scene
-        Its material, environment, effects, seed and clamp.
+        Scene with material, environment, effects, seed and clamp.
     samples : int
-        Samples a texel of a probe of `_SHARP` texels a side.
+        Samples a texel of a probe with `_SHARP` texels a side.
     """
 
     def __init__(self, scene: Scene, samples: int = _SAMPLES) -> None:
@@ -77,20 +77,23 @@ class ProbedScene:
         self._truths: dict[int, tuple[list[NDArray[np.float32]], ...]] = {}
 
     def viewpoints(self, views: ViewsConfig) -> Viewpoints:
-        """Views that a bake would store."""
+        """Views that a bake stores."""
         return self._scene.planned_views(load_viewpoints(views))
 
     def probe(self, resolution: int, viewpoints: Viewpoints) -> ProbeRecord:
-        """Measure bias and noise for maps of that size from those views."""
+        """Measure bias and noise of reconstructions from maps of a resolution at the given stored views."""
+        # ---- Two independent reconstructions of the novel views ----
         integrator = self.integrator.at_resolution(resolution)
         samples = probe_samples(resolution, self._samples)
         new = [view_frame(view) for view in self.new_views]
         one, other = self._pictures(integrator, viewpoints, new, samples)
+        # ---- Two independent references of them ----
         if resolution not in self._truths:
             self._truths[resolution] = tuple(
                 [self.map(integrator, frame, 2 * samples).radiance for frame in new] for _ in range(2)
             )
         truths, others = self._truths[resolution]
+        # ---- Products of independent differences: squared bias and noise, relative as in relMSE ----
         judged = integrator.coverage >= COVERED
         biases, noises = [], []
         for a, b, r, s in zip(one, other, truths, others, strict=True):
@@ -109,31 +112,31 @@ class ProbedScene:
 
     @cached_property
     def new_views(self) -> list[NDArray[np.float64]]:
-        """Views to probe at, the same for every size: what is rendered of them serves all."""
+        """Novel views of the probes, the same for every candidate."""
         return new_views(self._coarsest, self.config.sampling.seed, VIEWS)
 
     @property
     def _coarsest(self) -> Viewpoints:
-        """Views of the user's own, or the icosahedron.
+        """Views of the user's file, or the icosahedron.
 
-        Subdividing leaves a triangle around the centroid of each of its triangles, with that centroid: the places
-        farthest from the stored views stay so.
+        Subdivision keeps a triangle with the same centroid in the middle of each triangle, so the centroids of the
+        icosahedron remain the points farthest from the stored views.
         """
         return self.viewpoints(self.config.views if self.config.views.file else ViewsConfig())
 
     def work(self, resolution: int, viewpoints: Viewpoints) -> float:
-        """Samples that a probe takes."""
+        """Total number of samples of a probe."""
         maps = 2 * min(3 * VIEWS, len(viewpoints)) + (0 if resolution in self._truths else 4 * VIEWS)
         return maps * math.pi / 4 * resolution**2 * probe_samples(resolution, self._samples)
 
     def _around(self, viewpoints: Viewpoints, views: Frames) -> tuple[Viewpoints, set[int]]:
-        """See `surrounding`; of views of the user's own, whose triangles need not be a hull's, all are taken."""
+        """See `surrounding`; all views of a user's file, because its triangles need not form a convex hull."""
         if self.config.views.file is not None:
             return viewpoints, set(range(len(viewpoints)))
         return surrounding(viewpoints, views)
 
     def map(self, integrator: SphereIntegrator, frame: NDArray[np.float64], samples: int) -> MapFile:
-        """Bake one view with random numbers of its own."""
+        """Bake one view with its own random numbers."""
         self._drawn += 1
         index = _BRANCH + self._drawn
         with backend.rendering(self.plan.rendering):
@@ -142,7 +145,7 @@ class ProbedScene:
     def _pictures(
         self, integrator: SphereIntegrator, viewpoints: Viewpoints, new: Frames, samples: int
     ) -> Iterator[list[NDArray[np.float32]]]:
-        """Maps of the new views, made twice: each time from other random numbers."""
+        """Yield two independent reconstructions of the novel views."""
         around, needed = self._around(viewpoints, [frame[:, 2] for frame in new])
         frames = [view_frame(view) for view in around.directions]
         resolution = integrator.coverage.shape[0]
@@ -151,7 +154,7 @@ class ProbedScene:
         filler = self.map(integrator, frames[0], 4)
         for _ in range(2):
             maps = tuple(
-                self.map(integrator, frame, samples) if index in needed else _seen_from(filler, frame)
+                self.map(integrator, frame, samples) if index in needed else _placeholder(filler, frame)
                 for index, frame in enumerate(frames)
             )
             method = MethodSet(MapsInMemory(_NOWHERE, manifest, maps, self._scene.light))[default_method()]
@@ -159,31 +162,43 @@ class ProbedScene:
 
 
 def probe_samples(resolution: int, samples: int = _SAMPLES) -> int:
-    """Samples a texel of a probe: the more texels a mean is over, the fewer will do.
+    """Samples a texel of a probe; fewer at higher resolutions, where means are over more texels.
 
-    `samples`: those of a probe of `_SHARP` texels a side.
+    Parameters
+    ----------
+    resolution : int
+        Texels a side.
+    samples : int
+        Samples a texel at `_SHARP` texels a side.
     """
     return max(_LEAST_SAMPLES, samples * _SHARP**2 // resolution**2)
 
 
 def new_views(viewpoints: Viewpoints, seed: int, count: int) -> list[NDArray[np.float64]]:
-    """Unit directions to judge at; see `rsibr.geometry.novel_views`."""
+    """Unit directions of novel views; see `rsibr.geometry.novel_views`."""
     seeds = np.random.SeedSequence(seed, spawn_key=(_BRANCH, len(viewpoints), count))
     return [view for _, view in novel_views(viewpoints, count, seeds)]
 
 
 def surrounding(viewpoints: Viewpoints, views: Sequence[NDArray[np.float64]]) -> tuple[Viewpoints, set[int]]:
-    """Few of the stored views, in which the triangles around the new ones are those that they are among all.
+    """Select a subset of the stored views whose triangulation has the same triangles around the novel views.
 
-    A facet of a convex hull is one of every subset's that its corners are in. What covers the rest of the sphere is
-    looked up nowhere.
+    A facet of a convex hull is also a facet of the hull of every subset that contains its corners. The other views of
+    the subset only complete the sphere, and are never looked up.
+
+    Parameters
+    ----------
+    viewpoints : Viewpoints
+        Stored views.
+    views : sequence of ndarray, shape (3,)
+        Novel unit view directions.
 
     Returns
     -------
     viewpoints : Viewpoints
-        The corners of those triangles, and whatever else it takes to go around the sphere.
+        Corners of the triangles around the novel views, and views that complete the sphere.
     needed : set of int
-        Indices of the corners among them.
+        Indices of the corners in `viewpoints`.
     """
     if not len(viewpoints.triangles):
         return viewpoints, {0}
@@ -197,17 +212,17 @@ def surrounding(viewpoints: Viewpoints, views: Sequence[NDArray[np.float64]]) ->
 
 
 def upper_bound(errors: Sequence[float]) -> float:
-    """Upper bound on the mean error over `JUDGED` more views like these, by Student's t; see `CONFIDENCE`."""
+    """Upper prediction bound of the mean error over `JUDGED` further views, by Student's t; see `CONFIDENCE`."""
     count = len(errors)
     reach = float(student_t.ppf(CONFIDENCE, count - 1)) * math.sqrt(1 / count + 1 / JUDGED)
     return max(0.0, float(np.mean(errors))) + reach * float(np.std(errors, ddof=1))
 
 
 def _with_all_lobes(config: Config) -> Config:
-    """Maps of a probe keep all lobes apart, wherever they are seen from."""
+    """Config in which every view stores all lobes separately."""
     return config.model_copy(update={"effects": config.effects.model_copy(update={"lobe_views": "on"})})
 
 
-def _seen_from(like: MapFile, frame: NDArray[np.float64]) -> MapFile:
-    """What stands where no one looks: it shares its pixels with all others that do."""
+def _placeholder(like: MapFile, frame: NDArray[np.float64]) -> MapFile:
+    """Placeholder for a view that the probe never reads; all placeholders share the pixels of `like`."""
     return replace(like, view=frame[:, 2].copy(), frame=frame)

@@ -1,4 +1,4 @@
-"""The error that a finished bake makes at new views, measured without path tracing: by the bake's own estimator."""
+"""Error of a finished bake at novel views, measured with the bake's own estimator instead of path tracing."""
 
 from __future__ import annotations
 
@@ -21,26 +21,27 @@ VIEWS = 8
 
 _SAMPLES = 1024
 _COARSE = 64
-"""Samples a texel of the truth, and texels a side that they are for."""
+"""Samples a texel of the reference, at this number of texels a side."""
 
 _LEAST_SAMPLES = 64
 _SEED_SHIFT = 1
-"""Of the views that are judged: others than those that the choice went by."""
+"""Offset of the seed of the views, so that they differ from those of the probes."""
 
 
 def reached_error(baked: Bake, scene: Scene) -> Estimate:
-    """RelMSE of the method `rsibr` at views that took no part in any choice, the noise of the truth taken out.
+    """RelMSE of the method `rsibr` at views that the probes did not use, with the noise of the reference subtracted.
 
     Parameters
     ----------
     baked : Bake
+        Finished bake.
     scene : Scene
-        What it was made from.
+        Scene of the bake.
 
     Returns
     -------
     Estimate
-        Mean over the views; its interval is over views like these.
+        Mean over the views; its interval is that of the mean over a population of such views.
     """
     probed = ProbedScene(scene)
     viewpoints = Viewpoints(baked.directions, baked.triangles)

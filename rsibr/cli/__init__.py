@@ -1,1 +1,1 @@
-"""The command line: one file a command; parses, calls, prints."""
+"""Command line: one file for each command, which parses options, calls the library, and prints the result."""

@@ -1,4 +1,4 @@
-"""The `rsibr` command: its subcommands, and how a failure ends."""
+"""The command `rsibr` with its subcommands."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from rsibr.errors import RsibrError
 
 app = typer.Typer(
     name="rsibr",
-    help="Bake a material under a distant environment into radiance sphere maps, reconstruct any view, know the error.",
-    rich_markup_mode=None,  # Rich takes half a second to show a help
+    help="Bake a material under a distant environment into radiance maps, reconstruct any view, measure the error.",
+    rich_markup_mode=None,  # Rich would delay --help by half a second
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -34,7 +34,7 @@ def options(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)] = False,
 ) -> None:
-    """Bake a material under a distant environment, reconstruct any view, know the error."""
+    """Bake a material under a distant environment, reconstruct any view, measure the error."""
     if version:
         from rsibr.version import __version__
 
@@ -45,12 +45,12 @@ def options(
 
 
 def main() -> NoReturn:
-    """Run the command line; a failure that the user can act on ends as one line and its exit code."""
+    """Run the command line; a failure that the user can fix is printed as one line, with its exit code."""
     sys.exit(run(_command))
 
 
 def _command() -> Any:
-    """Run what the command line says; an error that names a parameter in Python names the option here."""
+    """Run the command; an error that names a Python parameter is raised again with the name of its option."""
     try:
         return app(standalone_mode=False)
     except RsibrError as error:
@@ -61,7 +61,7 @@ def _command() -> Any:
 
 
 def _options() -> dict[str, str]:
-    """Options of the command that was called, by the name of their parameter."""
+    """Options of the called command by parameter name."""
     commands = getattr(typer.main.get_command(app), "commands", {})
     called = next((commands[word] for word in sys.argv[1:] if word in commands), None)
     return {one.name: one.opts[0] for one in called.params if one.opts[0].startswith("-")} if called else {}

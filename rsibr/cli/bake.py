@@ -14,20 +14,20 @@ from rsibr.cli.options import Config, Imports, Json, imported
 def bake(
     config: Config,
     out: Annotated[
-        Path | None, typer.Option(help="Directory of the bake; by default CONFIG's name with the ending .rsibr.")
+        Path | None, typer.Option(help="Directory of the bake; by default CONFIG's name with the suffix .rsibr.")
     ] = None,
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the config.")
     ] = None,
     clamp: Annotated[
         float | None,
-        typer.Option(help="Clamp samples of more radiance than this: less noise, and a bias that `check` reports."),
+        typer.Option(help="Clamp the radiance of samples: less noise, and a negative bias that `check` reports."),
     ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Start anew, whatever OUT holds of an earlier bake.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Start over, even if OUT holds another bake.")] = False,
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
-    """Render the radiance sphere maps of all views. A bake that was killed goes on where it was."""
+    """Render the radiance sphere maps of all views. A killed bake resumes."""
     from rsibr.baking.finished import finished_bake
     from rsibr.budget.bake import bake as run_bake
     from rsibr.cli.console import bake_progress, note_health, note_peculiarities

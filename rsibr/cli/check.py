@@ -1,4 +1,4 @@
-"""`rsibr check`: look for what cannot be trusted in a bake."""
+"""`rsibr check`: check a bake for numerical problems."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
     from rsibr.validation.health.health import Finding, Health, Place
 
 NAMED = 3
-"""Places of a kind that are printed; `health.json` holds more."""
+"""Maximum number of printed places of a kind; `health.json` holds more."""
 
 
 def check(
     bake: BakePath,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where to write health.html, health.json and pictures.")
+        Path | None, typer.Option(metavar="DIR", help="Directory for health.html, health.json and images.")
     ] = None,
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
-    """Look for NaN, holes, fireflies, energy drift and half-float overflow in a bake; exit code 1 for the first two."""
+    """Check a bake for NaN, holes, fireflies, energy drift and half-float overflow; exit code 1 for the first two."""
     if out is not None:
         check_output_folder(out)
     imported(imports)
@@ -45,21 +45,21 @@ def check(
 
 def _lines(health: Health) -> Iterator[str]:
     found = [finding for finding in health.findings.values() if finding.texels]
-    verdict = "not to be trusted" if not health.trusted else "warnings" if health.warnings else "nothing found"
+    verdict = "unusable" if not health.trusted else "warnings" if health.warnings else "nothing found"
     yield f"{health.bake}: {verdict} ({health.views} views, {health.texels} texels)"
     for finding in found:
         yield from _finding(finding)
     for drift in health.drifts:
-        yield f"warning: view {drift.view} holds {drift.ratio:.3f} × the {drift.channel} light that the others predict"
+        yield f"warning: view {drift.view} has {drift.ratio:.3f} × the {drift.channel} radiance that the others predict"
     for view in health.above_light:
-        yield f"warning: view {view} is brighter on average than the environment's brightest texel"
+        yield f"warning: the mean radiance of view {view} exceeds the maximum of the environment"
     if health.energy_note:
-        yield f"note: energy was not judged: {health.energy_note}"
+        yield f"note: energy drift was not tested: {health.energy_note}"
     if health.clamp is not None:
-        yield f"warning: samples above {health.clamp:g} were clamped: the maps are too dark where it took effect"
+        yield f"warning: samples above {health.clamp:g} were clamped: affected texels are too dark"
     yield f"median relative standard error {health.relative_error:.2g}, largest radiance {health.largest:.4g}"
     if health.near_singularity is not None:
-        yield f"near a source's singularity: {100 * health.near_singularity:.2g} % of a new view's texels"
+        yield f"near the singularity of a source: {100 * health.near_singularity:.2g} % of a novel view's texels"
 
 
 def _finding(finding: Finding) -> Iterator[str]:
@@ -76,5 +76,5 @@ def _place(place: Place) -> str:
     value = "" if place.value is None else f": {place.value:.3g}"
     return (
         f"view {place.view}, row {place.row}, column {place.column} (s {place.s:.4f}, t {place.t:.4f}), "
-        f"normal {normal}, reflects {reflection}{value}"
+        f"normal {normal}, mirror direction {reflection}{value}"
     )

@@ -1,4 +1,4 @@
-"""What a person sees while a command runs, all of it on stderr: stdout belongs to results."""
+"""Progress bars and notes of commands, all on stderr; stdout is reserved for results."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from rsibr.store.bake import Bake
 
 VIEW_STEPS = 16
-"""Steps of the bar of a view."""
+"""Steps of the progress bar of a view."""
 
 console = Console(stderr=True, highlight=False, markup=False)
 
 
 @contextmanager
 def bake_progress() -> Iterator[Callable[[Work], None]]:
-    """Show two bars, the whole bake and the view at work, each with its time left."""
+    """Show two progress bars, for the whole bake and the current view, each with its remaining time."""
     with _bars() as bars:
         whole: TaskID | None = None
         view: TaskID | None = None
@@ -30,7 +30,7 @@ def bake_progress() -> Iterator[Callable[[Work], None]]:
 
         def show(state: Work) -> None:
             nonlocal whole, view, step
-            if whole is None or view is None:  # views done before this run cost it nothing: they start the bar
+            if whole is None or view is None:  # the bar starts with the views of earlier runs
                 whole = bars.add_task("bake", total=state.total, completed=int(state.done))
                 view = bars.add_task("view", total=VIEW_STEPS)
             bars.update(whole, completed=state.done)
@@ -44,7 +44,7 @@ def bake_progress() -> Iterator[Callable[[Work], None]]:
 
 @contextmanager
 def step_progress(name: str) -> Iterator[Callable[[int, int], None]]:
-    """Show one bar, for a count of equal steps."""
+    """Show one progress bar for a number of equal steps."""
     with _bars() as bars:
         task: TaskID | None = None
 
@@ -58,7 +58,7 @@ def step_progress(name: str) -> Iterator[Callable[[int, int], None]]:
 
 
 def note_peculiarities(bake: Bake) -> None:
-    """Say once what the bake clipped, what of the material no map can hold, and what was left out by force."""
+    """Print notes on the material, on effects that were forced off, and on clipped values of the environment."""
     for note in bake.manifest.material.notes:
         console.print(f"note: {bake.manifest.material.name}: {note}", markup=False)
     for note in bake.manifest.plan.notes() if bake.manifest.plan else ():
@@ -72,7 +72,7 @@ def note_peculiarities(bake: Bake) -> None:
 
 
 def note_health(bake: Bake) -> None:
-    """Say what the maps hold that cannot be trusted, if anything."""
+    """Print the number of suspicious texels of each kind, if there are any."""
     records = [state.health for state in bake.manifest.views if state.health is not None]
     counts = {
         "non-finite": sum(record.non_finite for record in records),
@@ -82,7 +82,7 @@ def note_health(bake: Bake) -> None:
     }
     found = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
     if found:
-        console.print(f"note: texels to look at: {found}. `rsibr check {bake.path}` says where")
+        console.print(f"note: suspicious texels: {found}. `rsibr check {bake.path}` lists them")
 
 
 def _bars() -> Progress:

@@ -1,4 +1,4 @@
-"""`rsibr demo`: the main job, small, from bake to report."""
+"""`rsibr demo`: a small example of the whole pipeline, from bake to report."""
 
 from __future__ import annotations
 

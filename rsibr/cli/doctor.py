@@ -1,6 +1,6 @@
-"""`rsibr doctor`: what this machine offers to a bake, what it lacks, and how to mend that.
+"""`rsibr doctor`: check whether this machine can run a bake, and say how to fix what is missing.
 
-Mitsuba is imported inside the functions: an installation that cannot be imported is one of the findings.
+Mitsuba is imported inside the functions, because a broken installation of it is one of the findings.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from rsibr.version import __version__
 
 PACKAGES = ("mitsuba", "drjit", "numpy", "OpenEXR")
 ROOMY_MEMORY = 2 * 1024**3
-"""Bytes that a bake of twelve maps of 256² stays below."""
+"""Upper bound on the memory of a bake of twelve maps of 256² [bytes]."""
 ROOMY_DISK = 1024**3
-"""Bytes that a bake of twelve maps of 1024² stays below."""
+"""Upper bound on the disk space of a bake of twelve maps of 1024² [bytes]."""
 
 TRIAL = """
 import json, time
@@ -40,12 +40,12 @@ backend.synchronize()
 assert total == 512 * 512 + sum(range(512, 1024)), total
 print(json.dumps({"seconds": time.perf_counter() - start, "threads": dr.thread_count()}))
 """
-"""A kernel with the instruction that an old LLVM aborts on, for a process of its own: an abort is then a finding."""
+"""Kernel with the instruction that aborts an old LLVM. Runs in a child process, so that an abort becomes a finding."""
 
 
 @dataclass(frozen=True)
 class Lack:
-    """One thing that keeps rsibr from working here: what, where, how to mend it, and the exit code it stands for."""
+    """Reason why rsibr cannot run here: cause, location, remedy, and exit code."""
 
     what: str
     where: str
@@ -54,34 +54,34 @@ class Lack:
 
     @classmethod
     def of(cls, error: RsibrError) -> Lack:
-        """Make a finding of an error."""
+        """Make the finding of an error."""
         return cls(error.what, error.where, error.fix, error.exit_code)
 
     def __str__(self) -> str:
-        """Return the one line that a user reads."""
+        """Return the finding in one line."""
         return str(RsibrError(self.what, where=self.where, fix=self.fix))
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What `rsibr doctor` found. Sizes in bytes, times in seconds, None for what cannot be known.
+    """Result of `rsibr doctor`. Sizes in bytes, times in seconds, None for unknown values.
 
     Attributes
     ----------
     packages : dict
-        Installed version of each package that fixes the result.
+        Installed version of each package that determines results.
     backend : dict
-        `variant` and `device` that a bake here uses, whether `cuda` works, `llvm_version` and `llvm_path` as loaded.
+        `variant` and `device` that a bake uses, whether `cuda` works, `llvm_version` and `llvm_path` as loaded.
     kernel : dict
-        The trial kernel's `seconds`, compilation included, and Dr.Jit's `threads`; empty where none could run.
+        `seconds` of the trial kernel, including compilation, and `threads` of Dr.Jit; empty if it could not run.
     cache : dict
-        Dr.Jit's kernel cache on disk: `path` and `bytes`.
+        Kernel cache of Dr.Jit on disk: `path` and `bytes`.
     memory, disk : dict
-        `total` and `available`; the disk is the one that holds the working folder.
+        `total` and `available`; the disk is that of the working directory.
     missing : tuple of Lack
-        What keeps rsibr from working here.
+        Reasons why rsibr cannot run here.
     advice : tuple of str
-        What works but could be better.
+        Suggestions for a machine that can run it.
     """
 
     packages: dict[str, str | None]
@@ -95,17 +95,17 @@ class Diagnosis:
 
     @property
     def exit_code(self) -> int:
-        """0 where a bake can run, 3 where the machine lacks something, 2 where a setting of the user's is wrong."""
+        """0 if a bake can run, 3 if the machine lacks something, 2 if a setting of the user is invalid."""
         return self.missing[0].exit_code if self.missing else 0
 
 
 def diagnose() -> Diagnosis:
-    """Look at the installation and the machine, and run one small kernel where a backend is usable.
+    """Examine the installation and the machine, and run one small kernel if a backend is usable.
 
     Returns
     -------
     Diagnosis
-        Never raises for what the machine lacks, and outlives a libLLVM that aborts the process.
+        Missing resources are part of the result, not exceptions, even a libLLVM that aborts its process.
     """
     missing: list[Lack] = []
     backend: dict[str, Any] = {}
@@ -125,7 +125,7 @@ def diagnose() -> Diagnosis:
 def doctor(
     json_output: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Say what this machine offers and what it lacks: backend, LLVM, device, cache, threads, memory."""
+    """Report what this machine has and what is missing: backend, LLVM, device, cache, threads, memory."""
     diagnosis = diagnose()
     if json_output:
         typer.echo(json.dumps({"usable": not diagnosis.missing, **asdict(diagnosis)}))
@@ -135,7 +135,7 @@ def doctor(
 
 
 def _look_at_backend(found: dict[str, Any]) -> None:
-    """Fill `found` as far as it goes; raises where rsibr would refuse to run."""
+    """Fill `found` with the properties of the backend; raise an RsibrError if it is unusable."""
     try:
         from rsibr import backend
     except ImportError as error:
@@ -152,7 +152,7 @@ def _look_at_backend(found: dict[str, Any]) -> None:
 
 
 def _loaded_llvm() -> str | None:
-    """Return the path of the libLLVM in this process, where the system lets us see it (Linux)."""
+    """Return the path of the libLLVM loaded in this process (Linux only)."""
     maps = Path("/proc/self/maps")
     if not maps.is_file():
         return None
@@ -164,9 +164,7 @@ def _run_trial() -> dict[str, Any]:
     try:
         done = subprocess.run([sys.executable, "-c", TRIAL], capture_output=True, text=True, timeout=120, check=False)
     except subprocess.TimeoutExpired as error:
-        raise MachineError(
-            "a trial kernel did not end within 120 s", fix="look at what else the machine runs"
-        ) from error
+        raise MachineError("a trial kernel did not end within 120 s", fix="check the load of the machine") from error
     if done.returncode != 0:
         last = next(reversed(done.stderr.strip().splitlines()), f"exit code {done.returncode}")
         raise MachineError(f"a trial kernel failed: {last}", fix="try another libLLVM through DRJIT_LIBLLVM_PATH")
@@ -182,18 +180,18 @@ def _installed(package: str) -> str | None:
 
 
 def _kernel_cache() -> dict[str, Any]:
-    """Find the folder as Dr.Jit does: DRJIT_CACHE_DIR, else ~/.drjit, else no cache at all."""
+    """Find the folder as Dr.Jit does: DRJIT_CACHE_DIR, else ~/.drjit, else no cache."""
     home = os.environ.get("HOME")
     path = os.environ.get("DRJIT_CACHE_DIR") or (f"{home}/.drjit" if home else None)
     size = 0
     for file in Path(path).glob("*") if path else ():
-        with suppress(FileNotFoundError):  # another process may clear it meanwhile
+        with suppress(FileNotFoundError):  # another process may delete it meanwhile
             size += file.stat().st_size
     return {"path": path, "bytes": size}
 
 
 def _memory() -> dict[str, int | None]:
-    """Read the machine's memory, or the smaller share that a container is allowed."""
+    """Read the machine's memory, or the smaller limit of a container."""
     total, available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), None
     if (info := Path("/proc/meminfo")).is_file():
         kib = {key: int(rest.split()[0]) for key, rest in (line.split(":") for line in info.read_text().splitlines())}

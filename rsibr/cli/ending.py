@@ -1,4 +1,4 @@
-"""How a command ends: its exit code, and the one line (with `--json` the one object) that says what went wrong."""
+"""End of a command: exit code, and the error as one line (with `--json` as one object)."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ from rsibr import clock
 from rsibr.errors import InputError, MachineError, RsibrError
 
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
-"""What Typer raises for a wrong command line; it keeps its own copy of Click and shows only the subclass."""
+"""Exception of Typer for an invalid command line: a class of its private copy of Click, with one public subclass."""
 
 _GONE = 0
-"""Exit code where the reader of stdout has gone, as after `| head`: it has what it wanted."""
+"""Exit code if the reader of stdout has closed it, as after `| head`."""
 
 
 class Terminated(BaseException):
-    """SIGTERM came: unwinds the stack, so that locks are given free and temporary files removed."""
+    """SIGTERM was received; unwinds the stack, so that locks are released and temporary files removed."""
 
 
 def run(command: Callable[[], Any]) -> int:
-    """Run a command to its end, whatever that is.
+    """Run a command and return its exit code.
 
     Parameters
     ----------
     command : callable
-        Returns an exit code, or None for 0; raises as Typer does when it is not standalone.
+        Returns an exit code, or None for 0; raises like Typer with `standalone_mode=False`.
 
     Returns
     -------
     int
-        0 done, 1 a check failed, 2 the user's input is wrong, 3 the machine lacks something, 128 + n ended by signal n.
-        What is no fault of the user's or the machine's is raised: a bug may show its traceback.
+        0 success, 1 failed check, 2 invalid input, 3 missing resource of the machine, 128 + n ended by signal n.
+        Other exceptions are bugs, and are raised.
     """
     try:
         with clock.counting(clock.process_start()), _terminable(), _results_alone_on_stdout():
@@ -73,7 +73,7 @@ def _ended(command: Callable[[], Any]) -> int:
 
 
 def _say_time() -> None:
-    """Say how long the user waited in all, and for what before the work began; nothing where no backend was used."""
+    """Print total time and start-up time, unless no backend was used."""
     start_up = clock.start_up_seconds()
     if start_up is None or "--json" in sys.argv:
         return
@@ -100,21 +100,21 @@ def _say_json(error: RsibrError, exit_code: int) -> None:
 
 
 def _mistyped(error: Any) -> InputError:
-    """Make Typer's complaint one of ours: it names the option or argument itself."""
+    """Convert an exception of Typer; its message names the option or argument."""
     command = error.ctx.command_path if error.ctx else "rsibr"
     return InputError(error.format_message().rstrip(".?"), where=command, fix=f"see `{command} --help`")
 
 
 @contextmanager
 def _terminable() -> Iterator[None]:
-    """Let SIGTERM unwind the stack as Ctrl-C does."""
+    """Make SIGTERM unwind the stack like Ctrl-C."""
 
     def terminate(_number: int, _frame: FrameType | None) -> None:
         raise Terminated
 
     try:
         before = signal.signal(signal.SIGTERM, terminate)
-    except ValueError:  # not in the main thread: signals are another's business
+    except ValueError:  # not in the main thread, which alone may set signal handlers
         yield
         return
     try:
@@ -125,24 +125,24 @@ def _terminable() -> Iterator[None]:
 
 @contextmanager
 def _results_alone_on_stdout() -> Iterator[None]:
-    """Send what libraries print on their own (Mitsuba logs to file descriptor 1) to stderr.
+    """Redirect output of libraries (Mitsuba logs to file descriptor 1) to stderr.
 
-    `sys.stdout` keeps the real stdout, through a copy of its descriptor.
+    `sys.stdout` keeps writing to the real stdout, through a copy of its descriptor.
     """
     if sys.stdout is not sys.__stdout__ or sys.stdout is None:
-        yield  # someone in this process catches it: leave it be
+        yield  # stdout is captured already
         return
     before, descriptor = sys.stdout, sys.stdout.fileno()
     before.flush()
     copy = os.dup(descriptor)
-    # A file name may hold bytes that are no text, and the terminal may know no `²`.
+    # File names may have undecodable bytes, and the terminal's encoding may lack `²`
     sys.stdout = open(copy, "w", encoding=before.encoding, errors="backslashreplace")  # noqa: PTH123, SIM115
     try:
         os.dup2(2, descriptor)
         yield
         sys.stdout.flush()
     except OSError:
-        _discard(copy)  # what could not be written would be tried again at exit
+        _discard(copy)  # otherwise the buffer would be written again at exit
         raise
     finally:
         os.dup2(copy, descriptor)

@@ -17,19 +17,19 @@ Imports = Annotated[
     typer.Option(
         "--import",
         metavar="MODULE",
-        help="A Python module, or FILE.py, that registers Mitsuba plugins; beside the config's own; repeatable.",
+        help="Python module, or FILE.py, that registers Mitsuba plugins, in addition to the config's; repeatable.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object; progress goes to stderr.")]
 
 
 def imported(modules: list[str] | None) -> tuple[str, ...]:
-    """Import modules that register Mitsuba plugins; return their names for a config, paths made absolute.
+    """Import modules that register Mitsuba plugins; return their names, or absolute paths, for a config.
 
     Raises
     ------
     InputError
-        If one is not there, raises an error, or registers nothing.
+        If a module does not exist, raises an error, or registers nothing.
     """
     if not modules:
         return ()
@@ -48,12 +48,12 @@ def imported(modules: list[str] | None) -> tuple[str, ...]:
 
 
 def parse_view(text: str) -> tuple[float, float, float]:
-    """Read a view direction `X,Y,Z`.
+    """Parse a view direction `X,Y,Z`.
 
     Raises
     ------
     InputError
-        If it is not three numbers.
+        If the text is not three numbers.
     """
     try:
         x, y, z = (float(part) for part in text.split(","))
@@ -64,28 +64,28 @@ def parse_view(text: str) -> tuple[float, float, float]:
 
 
 def check_output_folder(folder: Path) -> None:
-    """See to it, before hours of work, that `folder` is one that can be written to, or can be made.
+    """Check, before the work begins, that `folder` is writable or can be created.
 
     Raises
     ------
     InputError
-        If a file stands in its way, or the nearest folder that is there may not be written to.
+        If the path or a parent is a file, or if the nearest existing folder is not writable.
     """
     nearest = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     fix = "choose another --out"
     if not nearest.is_dir():
         raise InputError(f"{nearest} is a file, not a folder", where="--out", fix=fix)
     if not os.access(nearest, os.W_OK | os.X_OK):
-        raise InputError(f"{nearest} may not be written to", where="--out", fix=fix)
+        raise InputError(f"{nearest} is not writable", where="--out", fix=fix)
 
 
 def check_output_file(file: Path) -> None:
-    """See to it that `file` can be written: its folder is there, and it is none itself.
+    """Check that `file` can be written.
 
     Raises
     ------
     InputError
-        If not.
+        If it is a folder, or if its folder does not exist or is not writable.
     """
     if not file.name or file.is_dir():
         raise InputError(f"{file} is a folder", where="--out", fix="name a file in it")

@@ -1,4 +1,4 @@
-"""`rsibr plan`: which effects a scene calls for, and what they would cost."""
+"""`rsibr plan`: effects that a scene needs, and their costs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rsibr.planning.plan import Effect, Plan
 
 TABLE_WIDTH = 150
-"""Columns that the table of effects takes at least."""
+"""Minimum width of the table of effects, in characters."""
 
 
 def plan(
@@ -24,7 +24,7 @@ def plan(
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
-    """Say which effects a scene calls for, with evidence, cost, and the error of leaving each out. Bakes nothing."""
+    """Show which effects a scene needs, with evidence, cost, and the error of leaving each out. Bakes nothing."""
     from rsibr.baking.plan_document import PlanDocument
     from rsibr.budget.bake import planned
     from rsibr.cli.promises import chosen_lines
@@ -51,7 +51,7 @@ def _print(made: Plan) -> None:
     for effect in made.effects:
         table.add_row(*_row(effect), style=None if effect.on else "yellow" if effect.missed else "dim")
     console = Console(highlight=False, markup=False)
-    console.width = max(console.width, TABLE_WIDTH)  # where nothing says how wide it is, a narrow one is assumed
+    console.width = max(console.width, TABLE_WIDTH)  # without a terminal Rich assumes a narrow one
     console.print(table)
     for line in _lines(made):
         typer.echo(line)
@@ -77,7 +77,7 @@ def _row(effect: Effect) -> Iterator[str]:
 def _lines(made: Plan) -> Iterator[str]:
     for lobe in made.lobes:
         needs = f"maps from {lobe.views_needed} views" if lobe.maps_needed else "no maps"
-        apart = "" if lobe.own_views is None else f", kept apart in the first {lobe.own_views} views"
+        apart = "" if lobe.own_views is None else f", stored separately in the first {lobe.own_views} views"
         yield f"{lobe.name}: {needs}{apart}: {lobe.why}"
     channels, samples = ("one channel" if made.grey else "RGB"), ("light and BSDF" if made.light_samples else "BSDF")
     channels += {"rgb": "", "spectral": " of spectra", "spectral_polarized": " of polarised spectra"}[made.rendering]
@@ -85,6 +85,6 @@ def _lines(made: Plan) -> Iterator[str]:
         "" if made.seconds is None or made.bytes is None else f", {made.seconds:.1f} s, {made.bytes / 2**20:.1f} MiB"
     )
     yield f"planned: maps of {made.resolution}², {channels}, samples of {samples}{total}"
-    yield f"costs {made.costs_from}; looking at the scene took {made.probe_seconds:.2f} s"
+    yield f"costs {made.costs_from}; probing the scene took {made.probe_seconds:.2f} s"
     for note in made.notes():
         yield f"note: {note}"

@@ -1,4 +1,4 @@
-"""What a bake promised, chose and reached, for people and for machines."""
+"""Promised, chosen and reached values of a bake, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def promises(manifest: Manifest) -> dict[str, Any]:
-    """Keys of `rsibr bake --json`: samples, noise, and each promise with what was reached."""
+    """Keys of `rsibr bake --json`: samples, noise, and each promise with the reached value."""
     sampling, budget = manifest.sampling, manifest.budget
     told: dict[str, Any] = {"samples": manifest.samples, "noise_rel_mse": manifest.noise}
     if sampling is not None:
@@ -32,10 +32,10 @@ def promises(manifest: Manifest) -> dict[str, Any]:
 
 
 def chosen_lines(sampling: SamplingRecord | None, budget: BudgetRecord | None) -> Iterator[str]:
-    """What a target, a time or a budget would choose, before anything is baked."""
+    """Yield lines on the choices of a target error, a time or a budget, before a bake."""
     if budget is not None:
         size = f"{budget.chosen.views} maps of {budget.chosen.resolution}²"
-        yield f"budget: {size}, relMSE {budget.forecast_error:.2g} at most; {len(budget.probes)} probes took " + (
+        yield f"budget: {size}, relMSE at most {budget.forecast_error:.2g}; {len(budget.probes)} probes took " + (
             f"{budget.choice_seconds:.1f} s"
         )
     if sampling is not None:
@@ -43,7 +43,7 @@ def chosen_lines(sampling: SamplingRecord | None, budget: BudgetRecord | None) -
 
 
 def reached_lines(manifest: Manifest) -> Iterator[str]:
-    """Each promise of a finished bake, with what it reached."""
+    """Yield lines on each promise of a finished bake, with the reached value."""
     sampling, budget = manifest.sampling, manifest.budget
     if sampling is not None and (sampling.scale is not None or sampling.promised_rel_mse or sampling.promised_seconds):
         yield f"samples: {sampling.samples} a texel{_steered(sampling)}"
@@ -63,4 +63,4 @@ def reached_lines(manifest: Manifest) -> Iterator[str]:
 
 
 def _steered(sampling: SamplingRecord) -> str:
-    return "" if sampling.scale is None else ", more where it is noisy"
+    return "" if sampling.scale is None else " on average, allocated by noise"

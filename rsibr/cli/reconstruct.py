@@ -1,4 +1,4 @@
-"""`rsibr reconstruct`: write the map of any view."""
+"""`rsibr reconstruct`: reconstruct and write the map of any view."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from rsibr.cli.options import BakePath, Json, check_output_file, parse_view
 def reconstruct(
     bake: BakePath,
     view: Annotated[str, typer.Option(metavar="X,Y,Z", help="Direction from the surface to the viewer.")],
-    out: Annotated[Path, typer.Option(metavar="FILE.exr", help="Where to write the map.")],
+    out: Annotated[Path, typer.Option(metavar="FILE.exr", help="File of the map.")],
     method: Annotated[
-        str | None, typer.Option(help="How: see `rsibr validate` for how good each is. By default rsibr.")
+        str | None, typer.Option(help="Method, by default rsibr; `rsibr validate` measures the error of each.")
     ] = None,
     resolution: Annotated[int | None, typer.Option(help="Texels a side; by default the bake's.")] = None,
     json_output: Json = False,

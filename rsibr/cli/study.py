@@ -1,4 +1,4 @@
-"""`rsibr study`: error against time, over a sweep of what a bake can spend on."""
+"""`rsibr study`: error against time, over sweeps of the parameters of a bake."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 def study(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Config of the study (TOML).", show_default=False)],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Directory of the study: its report, bakes, references.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Directory of the study, for report, bakes and references.")],
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
-    """Measure what accuracy costs in time: sweeps, convergence, fronts. A study that was killed goes on."""
+    """Measure accuracy against time: sweeps, convergence, Pareto fronts. A killed study resumes."""
     check_output_folder(out)
     from rsibr.studies.config import load_study
     from rsibr.studies.runner import study as run
@@ -38,7 +38,7 @@ def study(
 
 @contextmanager
 def _progress() -> Iterator[Callable[[Progress], None]]:
-    """Say what the study is expected to take, then show what is at work and the time left."""
+    """Print the expected time of the study, then show the current step and the remaining time."""
     from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bars
 
@@ -52,9 +52,7 @@ def _progress() -> Iterator[Callable[[Progress], None]]:
         def show(state: Progress) -> None:
             nonlocal task
             if task is None:
-                console.print(
-                    f"expected to take {duration(state.total)}" if state.total > 0 else "all is there already"
-                )
+                console.print(f"expected to take {duration(state.total)}" if state.total > 0 else "already complete")
                 task = bars.add_task("study", total=state.total)
             bars.update(task, completed=state.done, description=state.step)
 
@@ -62,13 +60,13 @@ def _progress() -> Iterator[Callable[[Progress], None]]:
 
 
 def _print(found: Study) -> None:
-    """Print for each scene the points that nothing beats in error and time, and what twice the time buys."""
+    """Print the Pareto front of error and time for each scene, and the gain of doubling the time."""
     from rsibr.studies.page import answer, estimate
     from rsibr.validation.report.page import duration, number, size
 
     frames = found.document.judge.frames
     for scene, analysis in found.scenes:
-        typer.echo(f"\n{scene.name}: the best in its time, bake, preparation and {frames} pictures")
+        typer.echo(f"\n{scene.name}: Pareto front of relMSE and time, for bake, preparation and {frames} images")
         by_label = {point.label: point for point in scene.points}
         rivals = {row.label: row for row in analysis.rivals}
         for label in analysis.job_front:
@@ -77,7 +75,7 @@ def _print(found: Study) -> None:
                 f"  {duration(row.job_seconds):>12}  relMSE {estimate(point.error.rel_mse):<22}"
                 f"{size(point.bytes):>9}  {label} (path tracing: {number(row.path_tracing_rel_mse)})"
             )
-    typer.echo("\nwhat twice the time buys, mean over the scenes")
+    typer.echo("\ngain of doubling the time, mean over the scenes")
     for sentence in answer(found.document.doubling, frames):
         typer.echo(f"  {sentence}")
     document = found.document

@@ -1,4 +1,4 @@
-"""`rsibr validate`: hold a bake against path-traced truth."""
+"""`rsibr validate`: compare a bake with path-traced references."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ if TYPE_CHECKING:
     from rsibr.validation.results import Validation
 
 TABLE_WIDTH = 130
-"""Columns that the table of methods takes at least."""
+"""Minimum width of the table of methods, in characters."""
 
 MOST_VIEWS = 10_000
-"""The views of a validation are all held in memory, for its report."""
+"""Maximum number of views, all of which are held in memory for the report."""
 
 
 def validate(
     bake: BakePath,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where to write report.html, metrics.json and pictures.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Directory for report.html, metrics.json and images.")],
     views: Annotated[int, typer.Option(min=1, max=MOST_VIEWS, help="Novel views: half at centroids, half random.")] = 8,
     view: Annotated[
-        list[str] | None, typer.Option(metavar="X,Y,Z", help="A view to judge at, instead of --views; repeatable.")
+        list[str] | None, typer.Option(metavar="X,Y,Z", help="View to compare, instead of --views; repeatable.")
     ] = None,
-    method: Annotated[list[str] | None, typer.Option(help="A method to judge; repeatable; by default all.")] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Method to compare; repeatable; by default all.")] = None,
     samples: Annotated[int, typer.Option(min=8, max=2**24, help="Samples a texel of each reference.")] = 1024,
     lobes: Annotated[
         bool | None,
-        typer.Option("--lobes/--no-lobes", help="Judge rsibr lobe by lobe; by default where there are several."),
+        typer.Option("--lobes/--no-lobes", help="Errors of single lobes of rsibr; by default if there are several."),
     ] = None,
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
-    """Compare the methods with path-traced references at views that were not baked: errors, times, a report."""
+    """Compare methods with path-traced references at views that were not baked: errors, times, report."""
     given = [parse_view(text) for text in view or ()]
     check_output_folder(out)
     imported(imports)
@@ -56,7 +56,7 @@ def validate(
 
 
 def print_validation(found: Validation, out: Path, *, json_output: bool) -> None:
-    """Print the table of methods, or the whole of `metrics.json`."""
+    """Print the table of methods, or the contents of `metrics.json`."""
     if json_output:
         typer.echo((out / "metrics.json").read_text(encoding="utf-8"), nl=False)
         return
@@ -84,6 +84,6 @@ def print_validation(found: Validation, out: Path, *, json_output: bool) -> None
         prepare = f"{summary.prepare_seconds + summary.compile_seconds:.1f}"
         table.add_row(name, *row, point, f"{found.bake.seconds:.1f}", prepare, pays)
     console = Console(highlight=False)
-    console.width = max(console.width, TABLE_WIDTH)  # where nothing says how wide it is, a narrow one is assumed
+    console.width = max(console.width, TABLE_WIDTH)  # without a terminal Rich assumes a narrow one
     console.print(table)
     typer.echo(f"report: {out / 'report.html'}")

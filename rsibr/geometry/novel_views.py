@@ -1,4 +1,4 @@
-"""Views to judge at that are not stored: half at the worst places, half random."""
+"""Novel views for validation: half at the points farthest from stored views, half random."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ def novel_views(
     Parameters
     ----------
     viewpoints : Viewpoints
-        The stored views; the centroids of their triangles are the places farthest from any of them.
+        Stored views; the centroids of their triangles are the points farthest from any of them.
     count : int
-        How many, at least 1: the first half, rounded up, at centroids where there are so many triangles.
+        Number of views, at least 1: the first half, rounded up, at centroids, as far as there are triangles.
     seeds : SeedSequence
-        A branch of the seed tree that nothing else draws from.
+        Separate branch of the seed tree.
 
     Returns
     -------
     list of (str, ndarray of shape (3,))
-        Why each view was taken, `CENTROID` or `RANDOM`, and its unit direction.
+        Origin of each view, `CENTROID` or `RANDOM`, and its unit direction.
     """
     generator = np.random.default_rng(seeds)
     worst = min((count + 1) // 2, len(viewpoints.triangles))

@@ -39,7 +39,8 @@ class FacetMoments:
     weight : ndarray, shape (NODES, 3)
         Energy: light reflected under a constant sky, in each channel, up to a factor common to the lobe's Gaussians.
     lean : ndarray, shape (NODES,)
-        Mean tilt [rad] of the microfacets from the normal toward the viewer, weighted by their projected area (h·v).
+        Mean tilt [rad] of the microfacets from the normal toward the viewer. The projected area h·v is divided out: the
+        half-vector pyramid multiplies it in.
     width : ndarray, shape (NODES,)
         Standard deviation [rad] of the microfacet normals around the mean: geometric mean of those along and across the
         plane of incidence.

@@ -87,9 +87,9 @@ def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
 
     Notes
     -----
-    Non-negative least squares (Lawson & Hanson 1974) of the relative error over directions drawn from lobes of all
-    widths. Each channel is fitted separately, because the highlight of a red paint is white: proxies shared by the
-    channels would put it into the diffuse lobe in green and blue.
+    Non-negative least squares (Lawson & Hanson 1974) of the relative error, weighted by energy (∫ err²/y), over
+    directions drawn from lobes of all widths. Each channel is fitted separately, because the highlight of a red paint is
+    white: proxies shared by the channels would put it into the diffuse lobe in green and blue.
 
     Examples
     --------

@@ -1,6 +1,6 @@
-"""The systems: each makes the radiance of any normal and view from a bake, behind one protocol.
+"""Reconstruction methods: each computes the radiance of any normal and view from a bake, behind one protocol.
 
-A method is one file below this folder, or a module of another package named by an entry point of the group
+A method is one file below this folder, or a module of another package that is named by an entry point of the group
 `rsibr.methods`; see `registry.py`.
 """
 

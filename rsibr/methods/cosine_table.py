@@ -1,4 +1,4 @@
-"""Four numbers over the angle of the surface, on the device."""
+"""Lookup table by the cosine of the surface angle, four channels, on the device."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from rsibr.geometry.to_device import to_device
 
 @dataclass(eq=False)
 class CosineTable:
-    """Values at nodes even in √cos θ, closest together at grazing angles.
+    """Table with nodes evenly spaced in √cos θ, densest in angle near grazing.
 
     Attributes
     ----------
     nodes : mi.Float
-        Four floats a node, from grazing to head-on, flat.
+        Four floats a node, from grazing (cos θ = 0) to head-on, flat.
     """
 
     nodes: mi.Float
 
     @classmethod
     def of(cls, values: NDArray[np.float64]) -> CosineTable:
-        """Put values of shape (nodes, 3 or 4) on the device; a missing fourth is zero."""
+        """Put values of shape (nodes, 3 or 4) on the device; a missing fourth channel is zero."""
         padded = np.zeros((len(values), 4), dtype=np.float32)
         padded[:, : values.shape[1]] = values
         return cls(to_device(mi.Float, padded))

@@ -1,4 +1,4 @@
-"""Size of what a method keeps on the device."""
+"""Memory that a method's arrays take on the device."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ import drjit as dr
 
 
 def device_bytes(root: object) -> int:
-    """Size of all Dr.Jit arrays below an object, each counted once [bytes].
+    """Total size of all Dr.Jit arrays reachable from an object, each counted once [bytes].
 
     Parameters
     ----------
     root : object
-        Dataclasses, dicts, lists and tuples are followed; other objects through their attributes, where they are
-        rsibr's own.
+        Fields of dataclasses, mappings, lists and tuples are searched; other objects are not.
     """
     return sum(dict(_arrays(root, set())).values())
 

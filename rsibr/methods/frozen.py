@@ -1,4 +1,4 @@
-"""Kernels without their tracing: recorded at a function's first call, launched again at each later one."""
+"""Kernel recording (`dr.freeze`): a function is traced at its first call, later calls only launch its kernels."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from typing import Any
 import drjit as dr
 
 RECORDINGS = 8
-"""Recordings that a function keeps, one for each set of its static arguments; the one used least recently goes."""
+"""Recordings kept per function, one for each set of static arguments; the least recently used is dropped."""
 
 _ONE_AT_A_TIME = threading.Lock()
 
 
 class Frozen:
-    """A function of Dr.Jit arrays that is traced once and replayed from then on (`dr.freeze`).
+    """Function of Dr.Jit arrays that is traced once and replayed afterwards (`dr.freeze`).
 
-    Arrays among its arguments may change their values, not their sizes; any other argument that changes makes another
-    recording.
+    Array arguments may change their values between calls. A change of their sizes, or of any other argument, makes a
+    new recording.
 
     Parameters
     ----------
     function : callable
-        A function that reads no array but its arguments.
+        Must read no array other than its arguments.
 
     Notes
     -----
-    Tracing a map's kernels takes 0.6 to 0.9 ms, launching their recording 0.04 ms, on one core. A recording cannot hold
-    that the memory of a NumPy array is given back: Dr.Jit ends the process there. So nothing is collected while it
-    records, and what is recorded makes no array of NumPy's.
+    On one core, tracing the kernels of a map takes 0.6 to 0.9 ms, launching their recording 0.04 ms. Dr.Jit aborts the
+    process if the memory of a NumPy array is released during a recording. The garbage collector is therefore disabled
+    meanwhile, and recorded functions must not create NumPy arrays.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -39,18 +39,18 @@ class Frozen:
 
     @property
     def recordings(self) -> int:
-        """How often the function has been traced."""
+        """Number of times the function has been traced."""
         return int(self._frozen.n_recordings)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Launch what was recorded for such arguments, or record it."""
+        """Replay the recording for these arguments, or make it."""
         with _uncollected():
             return self._frozen(*arguments)
 
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Keep the garbage collector out, which belongs to the whole process: hence one thread at a time."""
+    """Disable the garbage collector. It is shared by the process, hence one thread at a time."""
     with _ONE_AT_A_TIME:
         collects = gc.isenabled()
         gc.disable()

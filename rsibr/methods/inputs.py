@@ -1,4 +1,4 @@
-"""What methods are made from: a bake's maps, views, light and lobes on the device, each made once and timed."""
+"""Inputs of methods: maps, views, environment and lobes of a bake on the device, each made once and timed."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ _T = TypeVar("_T")
 
 @dataclass(eq=False)
 class SharedTime:
-    """Time of shared inputs, noted while something used them.
+    """Preparation time of the shared inputs used in a `MethodInputs.watched` block.
 
     Attributes
     ----------
     seconds : dict of str to float
-        What each input took when it was made.
+        Time to make each input [s].
     seconds_here : float
-        Of them, what was spent while watched.
+        Time spent on inputs that were made inside the block [s].
     used : set of str
-        Inputs that were used while watched.
+        Inputs used inside the block.
     """
 
     seconds: dict[str, float]
@@ -47,26 +47,26 @@ class SharedTime:
 
     @property
     def seconds_ever(self) -> float:
-        """Time of all that was used, whenever it was made."""
+        """Time of all inputs used in the block, whenever they were made [s]."""
         return sum(self.seconds[name] for name in self.used)
 
 
 def shared(make: Callable[[Any], _T]) -> _T:
-    """Property that is made at its first use, timed, and kept: as `functools.cached_property`, with a clock."""
+    """Decorate a property so that it is made at first use, timed, and cached (a timed `functools.cached_property`)."""
 
     def get(self: MethodInputs) -> _T:
         return self._get(make.__name__, make)
 
-    return property(get, doc=make.__doc__)  # type: ignore[return-value]  # to the reader an attribute
+    return property(get, doc=make.__doc__)  # type: ignore[return-value]  # used as an attribute
 
 
 class MethodInputs:
-    """All that a method may read of a bake.
+    """Parts of a bake that methods read.
 
     Parameters
     ----------
     bake : StoredMaps
-        The bake. Nothing is read before it is used.
+        The bake. Each part is read at its first use.
     """
 
     def __init__(self, bake: StoredMaps) -> None:
@@ -79,7 +79,7 @@ class MethodInputs:
 
     @property
     def lobes(self) -> tuple[LobeRecord, ...]:
-        """Records of the lobes that are kept apart."""
+        """Records of the lobes that are stored separately."""
         return self.bake.manifest.lobes
 
     @shared
@@ -94,53 +94,53 @@ class MethodInputs:
 
     @shared
     def viewpoints(self) -> Viewpoints:
-        """Stored directions and triangles; where one map was enough, any will do: nothing is looked up between."""
+        """Stored directions and triangles; the icosahedron as a placeholder in a bake with a single map."""
         bake = self.bake
         return from_directions(bake.directions, bake.triangles) if bake.has_views else icosphere(0)
 
     @shared
     def light(self) -> Light:
-        """The distant light."""
+        """Environment of the bake."""
         return self.bake.light
 
     @shared
     def pyramid(self) -> EnvironmentPyramid:
-        """Gaussian pyramid of the light on the device; its finest level alone where no lobe is glossy."""
+        """Gaussian pyramid of the environment on the device; only its finest level where no lobe is glossy."""
         if any(not shape.is_matte and not shape.is_mirror for shape, _ in self.shapes.values()):
             return EnvironmentPyramid.of(self.light.picture, self.light.levels)
         return EnvironmentPyramid.finest_only(self.light.picture)
 
     @shared
     def shapes(self) -> dict[str, tuple[LobeShape, Array]]:
-        """Shape and directional albedo, shape (NODES, 3), of each lobe."""
+        """Shape of each lobe, and its directional albedo as an array of shape (NODES, 3)."""
         return {record.name: (shape_of(record), np.array(record.albedo)) for record in self.lobes}
 
     def stored(self, lobe: str | None = None) -> list[MapFile]:
-        """Maps that have a layer of a lobe, the first so many of all; all of them for the sum of the lobes."""
+        """Return the maps with a layer of `lobe` (the first `stored_count(lobe)` views); all maps for None."""
         return self.maps[: self.stored_count(lobe)]
 
     def stored_count(self, lobe: str | None = None) -> int:
-        """Count of the maps that `stored` returns; KeyError where there is no such lobe."""
+        """Return the number of maps with a layer of `lobe`; raises KeyError if there is no such lobe."""
         views = None if lobe is None else {record.name: record.views for record in self.lobes}[lobe]
         return views or self.bake.view_count
 
     def image(self, map_file: MapFile, lobe: str | None = None) -> NDArray[np.float32]:
-        """Radiance of a lobe in a stored map, or of their sum; shape (N, N, 3)."""
+        """Radiance of a lobe in a stored map, or of the sum of all lobes; shape (N, N, 3)."""
         return map_file.layers[layer_of(lobe, self.lobes)] if lobe else map_file.radiance
 
     def first_views(self, count: int) -> Viewpoints:
-        """The first `count` of the stored views, with triangles of their own."""
+        """Return the first `count` stored views, with their own triangulation."""
         return first_views(self.viewpoints, count) if self.bake.has_views else self.viewpoints
 
     def on_device(self, images: list[NDArray[np.float32]]) -> SourceMaps:
-        """Put one image of each of the first views on the device, each of shape (N, N, 3)."""
+        """Put one image of shape (N, N, 3) for each of the first views on the device."""
         seen = self.maps[: len(images)]
         coverage, frames = (np.stack([getattr(m, part) for m in seen]) for part in ("coverage", "frame"))
         return SourceMaps.from_arrays(np.stack(images), coverage, frames)
 
     @contextmanager
     def watched(self) -> Iterator[SharedTime]:
-        """Note which shared inputs are used in the block, and the time of those that are made in it."""
+        """Record which shared inputs are used in the block, and the time of those made in it."""
         watch = SharedTime(self._seconds)
         self._watching.append(watch)
         try:
@@ -164,7 +164,7 @@ class MethodInputs:
             backend.synchronize()
             whole = time.perf_counter() - start
         self._uses[name] = inner.used | {name}
-        self._seconds[name] = whole - self._nested  # what an input needs of another counts there
+        self._seconds[name] = whole - self._nested  # without the inputs it uses, which are timed themselves
         self._nested = outer + whole
         for watch in self._watching:
             watch.seconds_here += self._seconds[name]

@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 
 from rsibr.methods.cosine_table import CosineTable
 
-_LEAST = 1e-4  # where an albedo vanishes, at grazing, a quotient by it would not
-_LEAST_SHARE = 1e-3  # of the largest
+_LEAST = 1e-4  # minimum over the table's maximum: keeps quotients finite where the albedo vanishes at grazing angles
+_LEAST_SHARE = 1e-3  # minimum of that maximum
 
 
 @dataclass(eq=False)
 class LobeAlbedo:
-    """E(cos θ), to be looked up and divided by.
+    """Directional albedo E(cos θ), bounded away from zero so that it can be divided by.
 
     Attributes
     ----------
     table : CosineTable
-        Albedo, RGB, never zero.
+        Albedo, RGB, positive.
     """
 
     table: CosineTable

@@ -10,7 +10,7 @@ from rsibr.geometry.frame import from_columns
 
 
 def frame_from(columns: mi.Float) -> mi.Matrix3f:
-    """Frame whose columns x, y and z stand in nine floats one behind the other."""
+    """Frame from nine floats: its columns x, y and z, concatenated."""
     return from_columns(*(dr.gather(mi.Vector3f, columns, mi.UInt32(axis)) for axis in range(3)))
 
 
@@ -20,9 +20,9 @@ def view_of(frame: mi.Matrix3f) -> mi.Vector3f:
 
 
 def laid_out(radiance: mi.Vector4f, texel: mi.UInt32, resolution: int) -> mi.Float:
-    """RGBA image, row-major and flat, of texels that were computed in any order.
+    """Scatter texels that were computed in any order into an RGBA image, row-major, flat.
 
-    With four channels a texel is one packet, written whole.
+    Four channels, so that a texel is written as one packet.
     """
     image = dr.empty(mi.Float, 4 * resolution**2)
     dr.scatter(image, radiance, texel)
@@ -30,10 +30,10 @@ def laid_out(radiance: mi.Vector4f, texel: mi.UInt32, resolution: int) -> mi.Flo
 
 
 def as_rgba(radiance: mi.Color3f) -> mi.Vector4f:
-    """Radiance with alpha 1: the texel may touch the disk."""
+    """Radiance with alpha 1, for a texel that may overlap the disk."""
     return mi.Vector4f(radiance.x, radiance.y, radiance.z, 1)
 
 
 def touches_disk(p: mi.Point2f, resolution: int) -> mi.Bool:
-    """Whether a texel with centre p may touch the disk: it reaches √2/N beyond its centre."""
+    """Whether a texel with centre p may overlap the disk: its corners lie √2/N from its centre."""
     return dr.squared_norm(p) < (1 + np.sqrt(2) / resolution) ** 2

@@ -1,4 +1,4 @@
-"""The methods of one bake, made when they are asked for; what they share is made once."""
+"""Methods of one bake, made at first use, with shared inputs made once."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from rsibr.store.stored_maps import StoredMaps
 
 
 class MethodSet(Mapping[str, Method]):
-    """The methods of one bake by name, sharing its maps and its light on the device.
+    """Methods of one bake by name; they share its maps and its environment on the device.
 
-    Iterating gives the names of the methods that the bake holds all for.
+    Iteration yields the names of the methods whose requirements the bake meets.
 
     Parameters
     ----------
     bake : StoredMaps
-        A finished bake. Nothing is read before a method is asked for.
+        A finished bake. Nothing is read before a method is made.
 
     Attributes
     ----------
     inputs : MethodInputs
-        What the methods are made from.
+        Shared inputs of the methods.
 
     Examples
     --------
@@ -42,14 +42,14 @@ class MethodSet(Mapping[str, Method]):
         self._made: dict[str, Method] = {}
 
     def __getitem__(self, name: str) -> Method:
-        """Make the method `name`, or return the one already made.
+        """Make the method `name`, or return it if it exists already.
 
         Raises
         ------
         InputError
             If no method has this name.
         BakeError
-            If the bake lacks what the method needs.
+            If the bake lacks something that the method requires.
         """
         if name not in self._made:
             self._made[name] = self.variant(name)
@@ -68,14 +68,19 @@ class MethodSet(Mapping[str, Method]):
         return f"MethodSet({self.inputs.bake.path.name!r}: {', '.join(self)})"
 
     def variant(self, name: str, **options: Any) -> Method:
-        """Make a method with options other than its own, for example one lobe's part; it is not kept.
+        """Make a method with non-default options, for example for a single lobe; it is not cached.
 
         Parameters
         ----------
         name : str
             Name of the method.
         **options
-            See the function that the method is registered with; `Registration.options` lists them.
+            Keyword parameters of the method's factory; `Registration.options` lists them.
+
+        Raises
+        ------
+        InputError, BakeError
+            As `__getitem__`.
         """
         found = registration(name)
         _check_served(found, self.inputs.bake)
@@ -92,14 +97,14 @@ class MethodSet(Mapping[str, Method]):
 
 
 def _check_served(method: Registration, bake: StoredMaps) -> None:
-    """Say in one line what a bake lacks for a method, and how to bake it."""
+    """Raise a BakeError if the bake lacks something that the method requires."""
     where = str(bake.path)
     if method.needs.lobes and not bake.manifest.lobes:
         fix = f'bake with effects.lobes = "auto" for {method.name}'
-        raise BakeError("its lobes were not kept apart", where=where, fix=fix)
+        raise BakeError("its lobes are not stored separately", where=where, fix=fix)
     if method.needs.views and not bake.has_views:
         raise BakeError(
-            f"it holds one map, for its lobes have closed forms, and '{method.name}' needs views all around",
+            f"it holds one map, because all lobes are predicted from the environment; '{method.name}' needs more views",
             where=where,
             fix='bake with effects.view_dependence = "on", or use another method',
         )

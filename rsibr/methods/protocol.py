@@ -1,4 +1,4 @@
-"""What every method offers: radiance for a normal and a view, whole sphere maps, and what it costs."""
+"""Interface of reconstruction methods: radiance for a normal and a view, whole sphere maps, cost."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a method costs before its first lookup.
+    """Cost of a method before its first lookup.
 
-    The time of a lookup depends on the size of the map and on the machine's state, so it is measured where it is used:
+    The time of a lookup depends on the map's resolution and the state of the machine. It is measured with each use:
     `Reconstruction.seconds`, and `seconds` and `eval_seconds` of a validation.
 
     Attributes
@@ -30,12 +30,12 @@ class Cost:
     bake_seconds : float
         Wall time of the bake that the method reads [s].
     bytes : int
-        Size on disk of what it reads [bytes].
+        Size on disk of the files that the method reads [bytes].
     prepare_seconds : float
-        Wall time to make the method ready: decode maps and light, upload them, compute tables and residuals [s]. Work
-        that several methods share counts in full for each of them.
+        Wall time of preparation: decode maps and environment, upload them, compute tables and residuals [s]. Work
+        shared by several methods counts in full for each of them.
     device_bytes : int
-        Size of its arrays on the device [bytes].
+        Size of the method's arrays on the device [bytes].
     """
 
     bake_seconds: float = 0.0
@@ -44,26 +44,26 @@ class Cost:
     device_bytes: int = 0
 
     def preparing(self, seconds: float) -> Cost:
-        """Return the same cost with `seconds` more of preparation."""
+        """Return the cost with `seconds` added to the preparation time."""
         return replace(self, prepare_seconds=self.prepare_seconds + seconds)
 
 
 FREE = Cost()
-"""Nothing was spent."""
+"""Zero cost."""
 
 
 @dataclass(frozen=True)
 class Needs:
-    """What a bake must hold for a method.
+    """Parts of a bake that a method requires.
 
     Attributes
     ----------
     views : bool
-        Maps of views all around, with the triangles between them.
+        Maps of views that cover the sphere, with their triangulation.
     light : bool
-        The light (`light.exr`).
+        Environment (`light.exr`).
     lobes : bool
-        The material's lobes: their shapes and directional albedos.
+        Lobes of the material: shapes and directional albedos.
     """
 
     views: bool = False
@@ -73,14 +73,14 @@ class Needs:
 
 @runtime_checkable
 class Method(Protocol):
-    """A way to get the reflected radiance L_r(n, v) from a bake.
+    """Reconstruction of the reflected radiance L_r(n, v) from a bake.
 
     Attributes
     ----------
     name : str
-        As on the command line.
+        Name on the command line.
     cost : Cost
-        What was spent before the first lookup.
+        Cost before the first lookup.
 
     Examples
     --------
@@ -92,7 +92,7 @@ class Method(Protocol):
     cost: Cost
 
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
-        """Radiance toward `v` from surfaces with normal `n`.
+        """Radiance L_r(n, v) toward `v` from surfaces with normal `n`.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class Method(Protocol):
         ...
 
     def map(self, frame: NDArray[np.float64], resolution: int) -> mi.TensorXf:
-        """Radiance of a whole sphere map; returns before the device has finished.
+        """Radiance of a whole sphere map. Asynchronous: returns before the device has finished.
 
         Parameters
         ----------
@@ -119,19 +119,19 @@ class Method(Protocol):
         Returns
         -------
         mi.TensorXf
-            RGBA of shape (resolution, resolution, 4), row 0 at the top: radiance, and 1 where a texel may touch the
-            disk; zero elsewhere.
+            RGBA of shape (resolution, resolution, 4), row 0 at the top: radiance [W sr⁻¹ m⁻²], and 1 where a texel may
+            overlap the disk; zero elsewhere.
         """
         ...
 
 
 class PointwiseMethod:
-    """Base of a method that is defined by its `eval`: a map is `eval` at the middle of what each texel has of the disk.
+    """Base class of methods defined by `eval`: a map is `eval` at the middle of each texel's part inside the disk.
 
     Parameters
     ----------
     inputs : MethodInputs
-        What the bake offers.
+        Maps, environment and lobes of the bake.
 
     Examples
     --------
@@ -155,7 +155,7 @@ class PointwiseMethod:
     def map(self, frame: NDArray[np.float64], resolution: int) -> mi.TensorXf:
         """See `Method.map`."""
         columns = mi.Float(frame.T.ravel().tolist())
-        dr.make_opaque(columns)  # the frame's numbers are no part of the kernel: another view compiles nothing
+        dr.make_opaque(columns)  # the frame is an input of the kernel, so that another view compiles nothing
         to_world = frame_from(columns)
         texel = tiled_texels(resolution)
         p = texel_centre(texel, resolution)

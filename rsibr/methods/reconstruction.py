@@ -1,4 +1,4 @@
-"""One view's map out of a bake, as an image."""
+"""Reconstruction of the sphere map of one view from a bake."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from rsibr.store.map_file import MapFile, write_map
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Reconstruction:
-    """The radiance sphere map of a view.
+    """Reconstructed radiance sphere map of a view.
 
     Attributes
     ----------
@@ -36,11 +36,12 @@ class Reconstruction:
     coverage : ndarray, shape (N, N)
         Share of each texel inside the disk.
     method : str
-        The method that made it.
+        Name of the method.
     seconds : float
-        Wall time of the kernels, waited for. The first call of a process traces or compiles them, later ones do not.
+        Wall time of the kernels until the device has finished [s]. Includes tracing and compilation in the first call
+        of a process.
     prepare_seconds : float
-        Wall time of what the method needed first, such as decoding maps and making residuals; spent once a bake.
+        Wall time of the method's preparation, such as decoding maps and computing residuals [s]; spent once per bake.
     """
 
     view: NDArray[np.float64]
@@ -56,7 +57,7 @@ class Reconstruction:
         return f"Reconstruction({self.method!r}, view ({x:.3g}, {y:.3g}, {z:.3g}), {len(self.image)}²)"
 
     def write(self, path: Path | str) -> None:
-        """Write a multi-part float32 EXR: R, G, B first, then the coverage; view and frame in each header."""
+        """Write a multi-part float32 EXR: R, G, B, then coverage; view and frame in each header."""
         coverage = self.coverage.astype(np.float32)
         write_map(Path(path), MapFile(self.view, self.frame, {"radiance": self.image}, None, coverage))
 
@@ -74,22 +75,28 @@ def reconstruct(
     view : array_like, shape (3,)
         Direction from the surface to the viewer, of any positive length.
     method : str, optional
-        Name of a method, one of `rsibr.method_names()`; by default `rsibr`, or `cabral1999` where the bake keeps no
-        lobes apart.
+        Name of a method, one of `rsibr.method_names()`; by default `rsibr`, or `cabral1999` if the bake does not store
+        lobes separately.
     resolution : int, optional
-        Texels a side, 8 to 4096; by default the stored maps'.
+        Texels a side, 8 to 4096; by default that of the stored maps.
 
     Returns
     -------
     Reconstruction
-        The map, its frame, and the time that it took.
+        Map, frame, and wall times.
 
     Raises
     ------
     InputError
         If the view has no direction, the method is unknown or the resolution out of range.
     BakeError
-        If the bake cannot be read.
+        If the bake cannot be read, or lacks something that the method requires.
+
+    Examples
+    --------
+    >>> paint = rsibr.reconstruct("out/paint.rsibr", view=(1, 2, 3))    # doctest: +SKIP
+    >>> paint.image.shape                                                # doctest: +SKIP
+    (256, 256, 3)
     """
     frame = view_frame(unit_view(view))
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
@@ -100,16 +107,20 @@ def reconstruct(
 
 @backend.in_session
 def run(method: Method, frame: NDArray[np.float64], resolution: int) -> Reconstruction:
-    """Run a method for one view, and time it.
+    """Run and time a method for one view.
 
     Parameters
     ----------
     method : Method
         From a `MethodSet`.
     frame : ndarray, shape (3, 3)
-        Frame of the map, see `view_frame`.
+        Frame of the map, see `rsibr.geometry.frame.view_frame`.
     resolution : int
         Texels a side.
+
+    Returns
+    -------
+    Reconstruction
     """
     before, start = method.cost.prepare_seconds, time.perf_counter()
     radiance = method.map(frame, resolution)

@@ -1,6 +1,6 @@
-"""The methods by name. A method registers itself in its own file; nothing else in the project knows its name.
+"""Registry of methods by name. A method registers itself in its own file; no other file refers to it by name.
 
-Found are the modules below `rsibr/methods/`, and what installed packages name as entry points of the group
+Modules below `rsibr/methods/` are found by import, methods of installed packages by entry points of the group
 `rsibr.methods`:
 
     [project.entry-points."rsibr.methods"]
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rsibr.store.stored_maps import StoredMaps
 
 ENTRY_POINTS = "rsibr.methods"
-"""Group of entry points that other packages name their methods in."""
+"""Entry-point group in which other packages declare methods."""
 
 Role = Literal["default", "baseline", "plain"]
 Factory = TypeVar("Factory", bound=Callable[..., Method])
@@ -37,29 +37,29 @@ _NOTHING = Needs()
 
 @dataclass(frozen=True)
 class Registration:
-    """A method that can be made from a bake.
+    """Entry of the registry: how to make a method from a bake.
 
     Attributes
     ----------
     name : str
-        As on the command line.
+        Name on the command line.
     summary : str
-        What it does, in one line.
+        Description in one line.
     make : callable
-        `MethodInputs` → `Method`. Its keyword parameters are the method's options.
+        `MethodInputs` → `Method`. Its keyword-only parameters are the method's options.
     needs : Needs
-        What a bake must hold for it.
+        Parts of a bake that the method requires.
     role : {"default", "baseline", "plain"}
-        `default`: taken where a user names no method. `baseline`: what others are compared with, and taken where a bake
-        lacks what the default needs.
+        `default`: used if the user names no method. `baseline`: reference for comparisons, and used if the bake lacks
+        something that the default requires.
     rank : int
-        Place in tables, ascending.
+        Position in tables, ascending.
     fixed : dict
-        Options of `alias_of` that this name stands for.
+        Values of options of `alias_of`, for an alias.
     listed : bool
-        Whether tables, `validate` and `method_names` have it; one that is not can still be named.
+        Whether tables, `validate` and `method_names` list it; an unlisted method is available by name.
     alias_of : str
-        Name of the method that this one is with `fixed` options; empty for a method of its own.
+        Method that this name is an alias of, with the options `fixed`; empty if it is not an alias.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Registration:
         return {one.name: one.default for one in parameters if one.kind is one.KEYWORD_ONLY}
 
     def serves(self, bake: StoredMaps) -> bool:
-        """Whether the bake holds all that the method needs."""
+        """Whether the bake has all parts that the method requires."""
         held = {
             "views": bake.has_views,
             "light": bake.manifest.light is not None,
@@ -100,7 +100,7 @@ def register(
     rank: int = _LAST,
     listed: bool = True,
 ) -> Callable[[Factory], Factory]:
-    """Register a method: a decorator of its class, or of the function that makes it.
+    """Register a method; decorates its class, or a function that makes it.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def register(
     Returns
     -------
     callable
-        The decorator. What it decorates is called with a `MethodInputs`, and returns a `Method`.
+        Decorator of a callable that takes `MethodInputs` and returns a `Method`.
 
     Examples
     --------
@@ -128,7 +128,7 @@ def register(
 
 
 def register_alias(name: str, *, of: str, summary: str, rank: int = _LAST, **fixed: Any) -> None:
-    """Register a name for another method with some of its options `fixed`."""
+    """Register an alias `name` of the method `of`, with some options `fixed`."""
     origin = _REGISTERED[of]
 
     def make(inputs: Any) -> Method:
@@ -138,18 +138,18 @@ def register_alias(name: str, *, of: str, summary: str, rank: int = _LAST, **fix
 
 
 def unregister(name: str) -> None:
-    """Take a method out again; a name that is not there is ignored."""
+    """Remove a method from the registry; an unknown name is ignored."""
     _REGISTERED.pop(name, None)
 
 
 def registrations() -> dict[str, Registration]:
-    """All methods by name, in the order of tables."""
+    """All methods by name, ordered by rank."""
     _discover()
     return dict(sorted(_REGISTERED.items(), key=lambda item: item[1].rank))
 
 
 def method_names() -> tuple[str, ...]:
-    """Names of all listed methods, in the order of tables."""
+    """Names of all listed methods, ordered by rank."""
     return tuple(name for name, one in registrations().items() if one.listed)
 
 
@@ -159,7 +159,7 @@ def registration(name: str) -> Registration:
     Raises
     ------
     InputError
-        If no method has this name; it names the nearest one, and all there are.
+        If no method has this name; the message suggests the nearest one and lists all.
     """
     known = registrations()
     if name not in known:
@@ -171,17 +171,17 @@ def registration(name: str) -> Registration:
 
 
 def available(bake: StoredMaps) -> tuple[str, ...]:
-    """Names of the methods that a bake holds all for, in the order of tables."""
+    """Names of the listed methods whose requirements a bake meets, ordered by rank."""
     return tuple(name for name, one in registrations().items() if one.listed and one.serves(bake))
 
 
 def default_method(bake: StoredMaps | None = None) -> str:
-    """Name of the method to take where the user names none.
+    """Name of the method to use if the user names none.
 
     Parameters
     ----------
     bake : StoredMaps, optional
-        Where it lacks what the default needs, the baseline is taken, where that can be.
+        If it lacks something that the default requires, the baseline is returned, provided that the bake supports it.
     """
     by_role = {one.role: one for one in registrations().values()}
     usable = [by_role[role] for role in ("default", "baseline") if bake is None or by_role[role].serves(bake)]
@@ -189,18 +189,18 @@ def default_method(bake: StoredMaps | None = None) -> str:
 
 
 def judged_by_lobe(name: str) -> bool:
-    """Whether the parts of single lobes are judged as well: of the default method, where it has them."""
+    """Whether a validation evaluates single lobes too: for the default method, if it has the option `lobe`."""
     return name == default_method() and "lobe" in registration(name).options
 
 
 def baseline_method() -> str:
-    """Name of the method that others are compared with."""
+    """Name of the reference method for comparisons."""
     return next(name for name, one in registrations().items() if one.role == "baseline")
 
 
 @cache
 def _discover() -> None:
-    """Import every module of this package, and every entry point, once: each registers its methods."""
+    """Import every module of this package and every entry point, once; each registers its methods."""
     package = importlib.import_module(__package__ or "rsibr.methods")
     for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
         importlib.import_module(module.name)
@@ -209,12 +209,12 @@ def _discover() -> None:
 
 
 def _load(entry: Any) -> None:
-    """Load one entry point; a broken package of somebody else's must not take rsibr down without its name."""
+    """Load one entry point; an error names the package that caused it."""
     try:
         entry.load()
     except Exception as error:
         raise InputError(
             f"cannot be loaded: {type(error).__name__}: {error}",
             where=f"entry point '{entry.name}' of {ENTRY_POINTS} ({entry.value})",
-            fix="mend or uninstall that package",
+            fix="fix or uninstall that package",
         ) from error

@@ -1,4 +1,4 @@
-"""Maps with their manifest that are no bake on the disk: of a probe in memory, or altered as they are read."""
+"""Maps with a manifest that are not a bake on disk: maps in memory, or maps modified when they are read."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from rsibr.store.stored_maps import StoredMaps
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DescribedMaps:
-    """All that a manifest says of its maps; the base of what holds them.
+    """Base class of maps with a manifest: all properties that follow from the manifest.
 
     Attributes
     ----------
     path : Path
-        Where they lie, as errors name it.
+        Directory, or a name to show in messages.
     manifest : Manifest
-        What they were made from, and with what.
+        Manifest of the maps.
     """
 
     path: Path
@@ -44,7 +44,7 @@ class DescribedMaps:
 
     @property
     def has_views(self) -> bool:
-        """Whether there are views all around; a bake whose lobes all have closed forms holds one map alone."""
+        """Whether the views cover the sphere; if all lobes are predicted from the environment, there is one view."""
         return len(self.manifest.triangles) > 0
 
     @property
@@ -54,17 +54,17 @@ class DescribedMaps:
 
     @property
     def rendering(self) -> Rendering:
-        """What was carried along a path; RGB in bakes older than plans."""
+        """Rendering of the maps; RGB in bakes without a plan."""
         return self.manifest.plan.rendering if self.manifest.plan else "rgb"
 
     @property
     def seconds(self) -> float:
-        """Time that all views together took to bake [s]."""
+        """Wall time of the whole bake [s]."""
         return self.manifest.whole_seconds
 
     @property
     def bytes(self) -> int:
-        """Size of all maps together [bytes]."""
+        """Total size of all maps [bytes]."""
         return self.manifest.size
 
     @cached_property
@@ -84,14 +84,14 @@ class DescribedMaps:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MapsInMemory(DescribedMaps):
-    """Maps that were never written.
+    """Maps in memory, such as those of a probe.
 
     Attributes
     ----------
     maps : tuple of MapFile
-        One of each view of the manifest.
+        Map of each view of the manifest.
     light : Light
-        The light that the model of each lobe is made from.
+        Environment from which the lobes are predicted.
     """
 
     maps: tuple[MapFile, ...]
@@ -104,14 +104,14 @@ class MapsInMemory(DescribedMaps):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AlteredMaps(DescribedMaps):
-    """The maps of a bake with something done to each of them as it is read.
+    """Maps of a bake, each modified when it is read.
 
     Attributes
     ----------
     source : StoredMaps
-        Where they are read.
+        Source of the maps.
     alter : callable
-        Makes the map of a view from its index and the map as it is stored.
+        (index of the view, stored map) → modified map.
     """
 
     source: StoredMaps
@@ -119,14 +119,14 @@ class AlteredMaps(DescribedMaps):
 
     @classmethod
     def of(cls, source: StoredMaps, alter: Callable[[int, MapFile], MapFile]) -> AlteredMaps:
-        """Alter the maps of a bake."""
+        """Make modified maps of a bake."""
         return cls(source.path, source.manifest, source, alter)
 
     def map(self, index: int) -> MapFile:
-        """Read the map of one view, and alter it."""
+        """Read the map of one view, and modify it."""
         return self.alter(index, self.source.map(index))
 
     @property
     def light(self) -> Light:
-        """The light of the bake, as it is."""
+        """Environment of the bake, unmodified."""
         return self.source.light

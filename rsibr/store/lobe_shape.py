@@ -1,4 +1,4 @@
-"""The shape of a stored lobe, from what the manifest keeps of its fit."""
+"""Shape of a stored lobe, from the fit in the manifest."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Holds a reconstruction against path-traced truth: reference, metrics, novel views."""
+"""Validation of reconstructions against a path-traced reference: reference, metrics, novel views."""

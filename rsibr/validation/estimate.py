@@ -1,4 +1,4 @@
-"""An estimated number with its confidence interval, and the jackknife that gives it one."""
+"""Estimates with confidence intervals, and the jackknife that computes them."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from scipy.stats import t as student_t
 CONFIDENCE = 0.95
 
 _PLAIN = (-3, 5)
-"""Powers of ten between which a number is written out."""
+"""Exponents of ten between which a number is written without a power of ten."""
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number that noise has touched.
+    """Estimate of a number from noisy data.
 
     Attributes
     ----------
     value : float
-        The estimate; a debiased error may come out slightly negative.
+        Estimated value; a debiased error may be slightly negative.
     standard_error : float
-        Its standard deviation, from the noise of the reference alone.
+        Standard deviation of the estimate due to the noise of the reference.
     degrees_of_freedom : float
-        Of Student's t; may be infinite where the standard error is zero.
+        Degrees of freedom of Student's t; may be infinite if the standard error is zero.
     """
 
     value: float
@@ -38,7 +38,7 @@ class Estimate:
 
     @property
     def ci95(self) -> tuple[float, float]:
-        """Confidence interval of 95 %, from Student's t."""
+        """Confidence interval of 95 % by Student's t: lower and upper end."""
         if self.standard_error == 0.0:
             return self.value, self.value
         reach = float(student_t.ppf(0.5 + CONFIDENCE / 2, self.degrees_of_freedom)) * self.standard_error
@@ -46,12 +46,12 @@ class Estimate:
 
     @property
     def below_noise_floor(self) -> bool:
-        """Whether the reference is too noisy to tell the error from none: the interval holds zero or less."""
+        """Whether the error is not significantly greater than zero: the interval contains zero or lies below it."""
         low, high = self.ci95
         return low <= 0.0 and not low == high == 0.0
 
     def __str__(self) -> str:
-        """Return the value as a person reads it: `0.01234 ± 0.00047`, `(3.68 ± 0.11) × 10⁻⁴`."""
+        """Return value and half the interval: `0.01234 ± 0.00047`, `(3.68 ± 0.11) × 10⁻⁴`."""
         low, high = self.ci95
         if self.below_noise_floor:
             return f"below the noise floor, < {readable(high, 2)}" if high > 0 else "below the noise floor"
@@ -61,11 +61,12 @@ class Estimate:
 
 
 def readable(value: float, digits: int = 3) -> str:
-    """Write a number for a person: `0.0123`, `2.85 × 10⁻⁵`, `240`.
+    """Format a number: `0.0123`, `2.85 × 10⁻⁵`, `240`.
 
     Parameters
     ----------
     value : float
+        Number to format.
     digits : int
         Significant digits.
 
@@ -75,14 +76,14 @@ def readable(value: float, digits: int = 3) -> str:
     """
     if value == 0:
         return "0"
-    exponent = _exponent(float(f"{value:.{digits - 1}e}"))  # of the rounded value: 9.99 may become 10
+    exponent = _exponent(float(f"{value:.{digits - 1}e}"))  # of the rounded value: 9.999 becomes 10.0
     if _PLAIN[0] <= exponent < _PLAIN[1]:
         return f"{round(value, digits - 1 - exponent):.{max(digits - 1 - exponent, 0)}f}"
     return f"{value / 10.0**exponent:.{digits - 1}f} × {_power_of_ten(exponent)}"
 
 
 def _with_uncertainty(value: float, half: float) -> str:
-    """Value and half its interval, the latter to two digits, both on one power of ten."""
+    """Format value and half its interval, the latter to two digits, with a common power of ten."""
     exponent = _exponent(max(abs(value), half))
     plain = _PLAIN[0] <= exponent < _PLAIN[1]
     unit = 1.0 if plain else 10.0**exponent
@@ -100,25 +101,25 @@ def _power_of_ten(exponent: int) -> str:
 
 
 def jackknife(value: float, leave_one_out: NDArray[np.float64]) -> Estimate:
-    """Correct an estimate from K independent buffers by the jackknife, and attach its standard error.
+    """Jackknife: bias-corrected estimate from K independent buffers, with its standard error.
 
     Parameters
     ----------
     value : float
-        The estimate from all buffers.
+        Estimate from all buffers.
     leave_one_out : ndarray, shape (K,)
-        The estimate with the k-th buffer left out.
+        Estimate without the k-th buffer.
 
     Returns
     -------
     Estimate
-        With K − 1 degrees of freedom.
+        Estimate with K − 1 degrees of freedom.
 
     Notes
     -----
-    Quenouille (1956): K·value − (K−1)·mean(leave-one-out) has no bias of the order 1/K left, such as that of a ratio
-    with noise above and below the line. Efron & Stein (1981): the jackknife's variance is never too small on average.
-    Where the error is all noise it is up to twice the true one, so the interval then covers more often than it says.
+    Quenouille (1956): K·value − (K−1)·mean(leave-one-out) removes bias of order 1/K, such as that of a ratio with a
+    noisy numerator and denominator. Efron & Stein (1981): the expected variance of the jackknife is never too small. If
+    the error is entirely noise it is up to twice the true variance, and the interval is conservative.
     """
     k = len(leave_one_out)
     variance = (k - 1) * float(np.var(leave_one_out))
@@ -127,7 +128,7 @@ def jackknife(value: float, leave_one_out: NDArray[np.float64]) -> Estimate:
 
 
 def mean_estimate(estimates: Sequence[Estimate]) -> Estimate:
-    """Mean of independent estimates, for example one a view.
+    """Mean of independent estimates, for example one for each view.
 
     Parameters
     ----------
@@ -137,8 +138,8 @@ def mean_estimate(estimates: Sequence[Estimate]) -> Estimate:
     Returns
     -------
     Estimate
-        Its standard error is that of these very views; how much views differ among each other is not in it. Degrees of
-        freedom after Welch (1947) and Satterthwaite (1946).
+        The standard error is that of the mean over these views; it does not include the variation between views.
+        Degrees of freedom by Welch (1947) and Satterthwaite (1946).
     """
     count = len(estimates)
     variances = np.array([e.standard_error**2 for e in estimates])

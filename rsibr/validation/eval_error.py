@@ -1,7 +1,7 @@
-"""Error and time of a method's `eval`: what objects are shaded with, judged beside whole maps.
+"""Error and time of a method's `eval`, which shades objects, in addition to those of whole maps.
 
-A reference holds means over texels. So `eval` is asked at random points of each texel, and their mean is compared; what
-the points scatter is measured and taken out, as the noise of the reference is.
+A reference holds means over texels. `eval` is therefore evaluated at random points of each texel and averaged. The
+variance of that mean is estimated and subtracted from the error, like the noise of the reference.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from rsibr.validation.metrics import relative_mse_of_samples
 from rsibr.validation.reference import Reference
 
 POINTS = 4
-"""Points of each texel: their scatter, by which they are debiased, has three degrees of freedom."""
+"""Points a texel; their variance, used to debias the error, has three degrees of freedom."""
 
 TIMED_RUNS = 3
-"""Runs after the first, which compiles; their median is the time."""
+"""Timed runs after the first, which compiles; the median is reported."""
 
 _POINT_BRANCH = 0x706F_696E
 """Branch of the seed tree (the letters "poin")."""
@@ -36,14 +36,15 @@ _POINT_BRANCH = 0x706F_696E
 
 @dataclass(frozen=True)
 class EvalError:
-    """A method's `eval` at one view.
+    """Error and time of a method's `eval` at one view.
 
     Attributes
     ----------
     rel_mse : Estimate
-        Of its mean over each texel, the noise of the reference and the scatter of the points taken out.
+        RelMSE of the mean over each texel, with the noise of the reference and the variance of the points subtracted.
     seconds : float
-        Time of one evaluation [s]: of all points at once, device finished, nothing compiled, divided by their count.
+        Time of one evaluation [s]: time of all points in one launch until the device has finished, without
+        compilation, divided by their number.
     """
 
     rel_mse: Estimate
@@ -51,12 +52,12 @@ class EvalError:
 
 
 def judge_eval(method: Method, frame: NDArray[np.float64], reference: Reference, seed: int) -> EvalError:
-    """Judge `eval` at random points of every texel that a map is judged by.
+    """Measure error and time of `eval` at random points of every texel with coverage ≥ ½.
 
     Parameters
     ----------
     method : Method
-        The method.
+        Method to measure.
     frame : ndarray, shape (3, 3)
         Frame of the view, columns x, y, v.
     reference : Reference
@@ -75,21 +76,21 @@ def judge_eval(method: Method, frame: NDArray[np.float64], reference: Reference,
 
 
 def disk_points(texels: NDArray[np.bool_], count: int, generator: np.random.Generator) -> NDArray[np.float64]:
-    """Random points, uniform over the part of each texel inside the unit disk.
+    """Draw random points, uniformly over the part of each texel inside the unit disk.
 
     Parameters
     ----------
     texels : ndarray of bool, shape (N, N)
-        Texels to draw in, each with a good part of its area inside the disk.
+        Texels to draw points in; by rejection, so a considerable part of each must lie inside the disk.
     count : int
         Points a texel.
     generator : Generator
-        Source of the random numbers.
+        Random number generator.
 
     Returns
     -------
     ndarray, shape (count × T, 2)
-        Map points; all first points of the T texels in row-major order, then all second ones, and so on.
+        Map points: the first point of each of the T texels in row-major order, then all second points, and so on.
     """
     row, column = (np.tile(index, count) for index in np.nonzero(texels))
     step = 2.0 / len(texels)
@@ -104,7 +105,8 @@ def disk_points(texels: NDArray[np.bool_], count: int, generator: np.random.Gene
 def _evaluated(
     method: Method, frame: NDArray[np.float64], points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], float]:
-    """Radiance at map points, shape (M, 3), and the median time of evaluating all of them."""
+    """Radiance at map points, shape (M, 3), and the median time of one launch for all of them [s]."""
+    # ---- Normals and views, evaluated before the clock starts ----
     columns = mi.Float(frame.T.ravel().tolist())
     dr.make_opaque(columns)
     flat = to_device(mi.Float, points.astype(np.float32))
@@ -114,6 +116,7 @@ def _evaluated(
     n = to_world @ mi.Vector3f(x, y, dr.sqrt(dr.maximum(1 - x * x - y * y, 0)))
     v = mi.Vector3f(to_world[0, 2], to_world[1, 2], to_world[2, 2]) + dr.zeros(mi.Vector3f, len(points))
     dr.eval(n, v)
+    # ---- Timed runs; the first one compiles ----
     runs = []
     for _ in range(TIMED_RUNS + 1):
         backend.synchronize()

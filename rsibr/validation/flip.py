@@ -1,7 +1,7 @@
-"""HDR-FLIP, the perceived difference of two pictures, at exposures that are pinned.
+"""HDR-FLIP, the perceived difference of two images, at fixed exposures.
 
-Left to itself FLIP derives its exposures from the reference: then views and methods cannot be compared, and a black
-reference has none. Here they come once from the scene's mean radiance.
+By default FLIP derives its exposures from each reference, so that values of different views cannot be compared, and a
+black reference has no exposures. Here they are derived once from the mean radiance of the scene.
 
 Andersson, Nilsson, Shirley, Akenine-Möller: *Visualizing Errors in Rendered High Dynamic Range Images* (2021).
 """
@@ -27,7 +27,7 @@ else:
     os.environ["OMP_NUM_THREADS"] = _threads
 
 PIXELS_PER_DEGREE = 67.0
-"""A 0.7 m wide 4K screen from 0.7 m: the authors' default, pinned."""
+"""Default of the authors: a 4K screen 0.7 m wide, seen from 0.7 m."""
 
 _MIDDLE_GREY = 0.18
 _STOPS_BELOW = 4
@@ -37,14 +37,14 @@ _STOPS_APART = 2
 
 @dataclass(frozen=True)
 class Exposures:
-    """Exposures [stops] at which FLIP looks; a texel's difference is the largest over them.
+    """Exposures [stops] of HDR-FLIP; the difference of a texel is the maximum over them.
 
     Attributes
     ----------
     start, stop : float
-        Lowest, which shows the highlights, and highest, which shows the shadows.
+        Lowest exposure, for highlights, and highest exposure, for shadows.
     count : int
-        How many, evenly spaced, both ends included.
+        Number of exposures, evenly spaced, both ends included.
     """
 
     start: float
@@ -52,7 +52,7 @@ class Exposures:
     count: int
 
     def to_parameters(self) -> dict[str, float | int | str]:
-        """Return them as the `parameters` of `flip_evaluator.evaluate`."""
+        """Return the `parameters` of `flip_evaluator.evaluate`."""
         return {
             "startExposure": self.start,
             "stopExposure": self.stop,
@@ -63,18 +63,18 @@ class Exposures:
 
 
 def exposures_for(mean_radiance: float) -> Exposures:
-    """Exposures around the one that shows the scene's mean radiance as middle grey.
+    """Exposures around the one that maps the mean radiance of the scene to middle grey.
 
     Parameters
     ----------
     mean_radiance : float
-        Mean over the scene [W sr⁻¹ m⁻²], ≥ 0; a black scene is looked at as if its mean were 1.
+        Mean over the scene [W sr⁻¹ m⁻²], ≥ 0; 0 is treated as 1.
 
     Returns
     -------
     Exposures
-        Two stops apart, four in all: from four stops below middle grey, where highlights of many times the mean are
-        still told apart, to two above it.
+        Four exposures, two stops apart: from four stops below middle grey, which resolves highlights of many times the
+        mean, to two stops above it.
     """
     middle = math.log2(_MIDDLE_GREY / (mean_radiance if mean_radiance > 0 else 1.0))
     count = (_STOPS_BELOW + _STOPS_ABOVE) // _STOPS_APART + 1  # each costs 0.1 s at 256²
@@ -87,19 +87,19 @@ def flip_map(reference: NDArray[np.floating], test: NDArray[np.floating], exposu
     Parameters
     ----------
     reference, test : ndarray, shape (H, W, 3)
-        Scene-linear Rec.709, finite. What is negative counts as black, as a screen would show it.
+        Scene-linear Rec.709, finite. Negative values are set to 0, as on a screen.
     exposures : Exposures
         See `exposures_for`.
 
     Returns
     -------
     ndarray, shape (H, W), float32
-        In [0, 1], 0 where nobody sees a difference.
+        Difference in [0, 1]; 0 is no visible difference.
 
     Raises
     ------
     ValueError
-        If a value is NaN or infinite: FLIP itself would absorb it silently.
+        If a value is NaN or infinite; FLIP itself would ignore it silently.
     """
     pictures = [np.ascontiguousarray(np.maximum(image, 0.0), dtype=np.float32) for image in (reference, test)]
     if not all(np.isfinite(picture).all() for picture in pictures):

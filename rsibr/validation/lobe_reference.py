@@ -1,7 +1,7 @@
-"""The truth of each lobe at a view: a path tracer cannot say which lobe light came from, so the bake's integrator does.
+"""Reference of each lobe at a view, by the integrator of the bake, because a path tracer cannot separate lobes.
 
-It shares the integrator and the split of the material with the bake, and no random number: what it judges is how a lobe
-was carried to a new view. An error of the integrator itself shows only against the path-traced reference of the whole.
+It shares integrator and lobe split with the bake, but no random numbers. It therefore measures the error of carrying a
+lobe to a new view. An error of the integrator itself appears only against the path-traced reference of the whole map.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from rsibr import backend
 from rsibr.baking.integrator import SphereIntegrator
 
 _LOBE_BRANCH = 0x6C6F_6265
-"""Branch of the seed tree (the letters "lobe"): the references share no samples with the bake."""
+"""Branch of the seed tree (the letters "lobe"); no random number is shared with the bake."""
 
 
 class LobeReference:
@@ -22,9 +22,10 @@ class LobeReference:
     Parameters
     ----------
     integrator : SphereIntegrator
-        Of the scene: all lobes kept apart, nothing left out or clamped; see `rsibr.baking.parts.SceneParts.integrator`.
+        Integrator of the scene with all lobes separate, nothing left out or clamped; see
+        `rsibr.baking.parts.SceneParts.integrator`.
     samples, buffers : int
-        Samples a texel in all, at least, and in how many buffers.
+        Minimum samples a texel in total, and number of buffers.
     seed : int
         Root of the seed tree.
     """
@@ -40,7 +41,7 @@ class LobeReference:
 
     @property
     def names(self) -> list[str]:
-        """Names of the lobes in their order; "radiance" where the material has but one."""
+        """Names of the lobes in order; "radiance" if the material has only one."""
         return self._integrator.lobe_names
 
     @property
@@ -49,7 +50,7 @@ class LobeReference:
         return self._integrator.coverage
 
     def buffers(self, frame: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Radiance of the covered texels at the view of `frame`, columns x, y, v; shape (buffers, texels, lobes, 3)."""
+        """Render the covered texels at the view of `frame`, columns x, y, v; shape (buffers, texels, lobes, 3)."""
         view = (frame[:, 2] + 0.0).view(np.uint32)  # + 0.0: −0 and 0 are one direction
         branches = [(_LOBE_BRANCH, *map(int, view), number) for number in range(self._buffers)]
         seeds = [np.random.SeedSequence(self._seed, spawn_key=branch) for branch in branches]
@@ -57,5 +58,5 @@ class LobeReference:
             return np.stack([self._integrator.block(frame, self._each, branch) for branch in seeds])
 
     def image(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Lay values of the covered texels out as an image, zero elsewhere."""
+        """Scatter values of the covered texels into an image, zero elsewhere."""
         return self._integrator.image(values)

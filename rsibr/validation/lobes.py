@@ -1,4 +1,4 @@
-"""Which lobe a reconstruction gets wrong: the part of each in a map of `rsibr`, against the truth of each lobe."""
+"""Error of each lobe's part in a reconstruction by `rsibr`, against a lobe-resolved reference."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LobeError:
-    """One lobe at one view.
+    """Error of one lobe at one view.
 
     Attributes
     ----------
     reference, image : ndarray, shape (H, W, 3)
-        Its radiance, and its part in the reconstruction, from the views that keep the lobe apart: black where the plan
-        left the lobe out of the bake.
+        Radiance of the lobe in the reference, and its part in the reconstruction from the views that store the lobe
+        separately; black if the plan left the lobe out of the bake.
     rel_mse : Estimate
-        Mean of (a_k − b_k)²/(b² + ε) over texels and channels: the squared error of the lobe over the denominator of
-        the whole map's relMSE, the reference's noise taken out. Those of all lobes need not add up to the whole's:
-        errors of two lobes may cancel.
+        Mean of (a_k − b_k)²/(b² + ε) over texels and channels: squared error of the lobe over the denominator of the
+        whole map's relMSE, with the noise of the reference subtracted. The values of all lobes need not add up to that
+        of the whole map, because errors of two lobes may cancel.
     light : float
-        Share of the lobe in all light of the map.
+        Share of the lobe in the radiance of the map.
     relative_error : ndarray, shape (H, W)
-        Square root of the same, texel by texel, mean over the channels; NaN where nothing is judged.
+        Square root of the relative squared error of each texel, mean over channels; NaN where coverage < ½.
     """
 
     reference: NDArray[np.float32]
@@ -51,16 +51,16 @@ class LobeError:
 
 @dataclass(frozen=True, eq=False)
 class ViewLobes:
-    """All lobes at one view.
+    """Errors of all lobes at one view.
 
     Attributes
     ----------
     errors : dict of str to LobeError
-        By the lobe's name.
+        Error by name of the lobe.
     samples, buffers : int
-        Samples a texel of the reference, and in how many independent buffers.
+        Samples a texel of the reference, and number of independent buffers.
     seconds : float
-        Time of the reference, with what had to be compiled.
+        Time of the reference, including compilation [s].
     """
 
     errors: dict[str, LobeError]
@@ -76,18 +76,18 @@ class ViewLobes:
 
 @dataclass(frozen=True)
 class LobeSummary:
-    """One lobe over all views.
+    """Errors of one lobe over all views.
 
     Attributes
     ----------
     rel_mse : Estimate
         Mean over the views.
     rel_mse_range : tuple of two floats
-        Smallest and largest of the views.
+        Minimum and maximum over the views.
     light : float
-        Mean share of the light.
+        Mean share of the radiance.
     worst_views : int
-        Views at which no lobe has a larger error.
+        Number of views at which this lobe has the largest error.
     """
 
     rel_mse: Estimate
@@ -97,23 +97,23 @@ class LobeSummary:
 
 
 class LobeJudge:
-    """Judges the lobes of one bake at any view; what all views share is made once.
+    """Measure the errors of the lobes of one bake at any view; methods and integrator are shared by all views.
 
     Parameters
     ----------
     bake : Bake
-        With its lobes kept apart.
+        Bake that stores its lobes separately.
     scene : Scene
-        What it was made from.
+        Scene of the bake.
     methods : MethodSet
-        Of the bake.
+        Methods of the bake.
     samples, buffers : int
-        Samples a texel of each reference at least, and in how many independent buffers.
+        Minimum samples a texel of each reference, and number of independent buffers.
 
     Raises
     ------
     BakeError
-        If the bake's lobes are not those into which the material is split today.
+        If the lobes of the bake differ from those into which this version splits the material.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class LobeJudge:
         self._resolution = bake.resolution
 
     def at(self, frame: NDArray[np.float64]) -> ViewLobes:
-        """Reconstruct each lobe at the view of `frame`, columns x, y, v, and hold it against its reference."""
+        """Reconstruct each lobe at the view of `frame`, columns x, y, v, and compare it with its reference."""
         start = time.perf_counter()
         buffers = self._reference.buffers(frame)
         seconds = time.perf_counter() - start
@@ -153,7 +153,8 @@ class LobeJudge:
         return run(part, frame, self._resolution).image
 
     def _errors(self, images: list[NDArray[np.float32]], buffers: NDArray[np.float32]) -> dict[str, LobeError]:
-        """Errors of the lobes from their maps, and their buffers of shape (K, covered texels, lobes, 3)."""
+        """Errors of the lobes, from their reconstructions and reference buffers (K, covered texels, lobes, 3)."""
+        # ---- Debiased squared errors over the denominator of the whole map ----
         coverage = self._reference.coverage
         covered, judged = coverage > 0, coverage >= COVERED
         kept = judged[covered]
@@ -162,6 +163,7 @@ class LobeJudge:
         whole = denominator(mean[kept].sum(axis=1))
         squared = ((parts - mean[kept]) ** 2 / whole[:, None]).mean(axis=-1)
         light = (coverage[covered, None] * mean.sum(axis=-1)).sum(axis=0)
+        # ---- Images, share of the radiance, and error image of each lobe ----
         found = {}
         for k, name in enumerate(self._parts):
             picture = np.full(coverage.shape, np.nan, dtype=np.float32)
@@ -173,21 +175,21 @@ class LobeJudge:
 
 
 def has_lobes(bake: Bake, methods: Sequence[str], wanted: bool | None) -> bool:
-    """Whether the lobes of a bake are to be judged.
+    """Whether to measure the errors of single lobes of a bake.
 
     Parameters
     ----------
     bake : Bake
         The bake.
     methods : sequence of str
-        The methods that are judged.
+        Methods of the validation.
     wanted : bool or None
-        What the user says; None: where a method is `judged_by_lobe` and there is more than one lobe.
+        Choice of the user; None: if a method is `judged_by_lobe` and there is more than one lobe.
 
     Raises
     ------
     InputError
-        If they are wanted, and there are none to tell apart.
+        If the user wants it, and the bake has fewer than two separate lobes.
     """
     count = len(bake.manifest.lobes) and len(bake.manifest.lobes) + len(_left_out(bake))
     if wanted and count < 2:
@@ -207,14 +209,14 @@ def lobe_errors(parts: NDArray[np.floating], buffers: NDArray[np.floating]) -> l
     Parameters
     ----------
     parts : ndarray, shape (T, L, 3)
-        Radiance of each lobe at the judged texels.
+        Reconstructed radiance of each lobe at texels with coverage ≥ ½.
     buffers : ndarray, shape (K, T, L, 3)
-        Independent references of it.
+        Independent references of the same.
 
     Returns
     -------
     list of Estimate
-        One a lobe, with intervals from leaving each buffer out in turn.
+        One for each lobe, with intervals by the jackknife over the buffers.
     """
 
     def means(buffers: Array) -> Array:
@@ -229,7 +231,7 @@ def lobe_errors(parts: NDArray[np.floating], buffers: NDArray[np.floating]) -> l
 
 
 def summarise(views: Sequence[ViewLobes]) -> dict[str, LobeSummary]:
-    """Each lobe over all views, in the order of the bake."""
+    """Summarise each lobe over all views, in the order of the bake."""
 
     def summary(name: str) -> LobeSummary:
         errors = [view.errors[name] for view in views]

@@ -1,7 +1,7 @@
-"""How far a sphere map is from the truth: the numbers of one method at one view.
+"""Error metrics of a sphere map against a path-traced reference, for one method at one view.
 
-relMSE is the headline, debiased of the reference's noise and with a confidence interval. No number sees everything, so
-SMAPE, HDR-FLIP, the energy ratio and the worst texel stand beside it always.
+The main metric is relMSE, with the noise of the reference subtracted, and with a confidence interval. SMAPE, HDR-FLIP,
+the energy ratio and the worst texel are always reported too, because no single metric shows every kind of error.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from rsibr.validation.flip import Exposures, flip_map
 from rsibr.validation.reference import Reference
 
 ZONES: dict[str, tuple[float, float]] = {"inner": (0.0, 2 / 3), "middle": (2 / 3, 0.9), "rim": (0.9, np.inf)}
-"""Radii of the texel centres in the unit disk: the error of a warp lives at the rim."""
+"""Zones by radius of the texel centres in the unit disk; errors of warps are largest at the rim."""
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class WorstTexel:
-    """The texel with the largest relative squared error.
+    """Texel with the largest relative squared error.
 
     Attributes
     ----------
     s, t : float
-        Its centre in the sphere map, s right, t up, in (0, 1).
+        Centre of the texel in the sphere map, s right, t up, in (0, 1).
     error : float
-        Its relative squared error, mean over the channels, noise included.
+        Relative squared error, mean over channels, including the noise of the reference.
     """
 
     s: float
@@ -43,29 +43,31 @@ class WorstTexel:
 
 @dataclass(frozen=True, eq=False)
 class MapError:
-    """Everything said about one map.
+    """All metrics of one map.
 
     Attributes
     ----------
     rel_mse : Estimate
-        Mean of (a−b)²/(b²+ε) over texels and channels, ε = (0.1·mean b)² a channel, the reference's noise taken out.
+        Mean of (a−b)²/(b²+ε) over texels and channels, with ε = (0.1·mean b)² for each channel, and the noise of the
+        reference subtracted.
     rel_mse_channels : tuple of three Estimate
         The same for red, green and blue.
     rel_mse_zones : dict of str to Estimate
-        The same for each of `ZONES` that holds a texel.
+        The same for each of `ZONES` that contains a texel.
     noise_floor : float
-        relMSE that the noise of the reference alone would show.
+        RelMSE of a perfect map due to the noise of the reference, if it were not subtracted.
     smape : float
         Mean of |a−b|/(|a|+|b|), in [0, 1].
     flip : float
         Mean HDR-FLIP, in [0, 1].
     energy_ratio : float or None
-        Σa/Σb weighted by coverage, mean over the channels; None where light appears in a black channel.
+        Σa/Σb weighted by coverage, mean over channels; None if a channel is black in the reference only.
     worst_texel : WorstTexel
+        Texel with the largest relative squared error.
     relative_error : ndarray, shape (H, W)
-        Square root of the relative squared error of each texel, mean over the channels; NaN where nothing is judged.
+        Square root of the relative squared error of each texel, mean over channels; NaN where coverage < ½.
     flip_map : ndarray, shape (H, W)
-        HDR-FLIP of each texel; NaN where nothing is judged.
+        HDR-FLIP of each texel; NaN where coverage < ½.
     """
 
     rel_mse: Estimate
@@ -83,18 +85,18 @@ class MapError:
 def compare(
     candidate: NDArray[np.floating], reference: Reference, exposures: Exposures, name: str = "candidate"
 ) -> MapError:
-    """Judge a map against path-traced truth.
+    """Compare a map with a path-traced reference.
 
     Parameters
     ----------
     candidate : ndarray, shape (H, W, 3)
-        Radiance, scene-linear, coverage divided out. What lies in texels without coverage is ignored.
+        Radiance, scene-linear, coverage divided out. Texels without coverage are ignored.
     reference : Reference
-        Of the same view and resolution, with three buffers at least.
+        Reference of the same view and resolution, with at least three buffers.
     exposures : Exposures
-        The same for all views and methods that are to be compared: `exposures_for`.
+        Exposures of FLIP from `exposures_for`; the same for all views and methods to be compared.
     name : str
-        Who made the candidate, for the error message.
+        Name of the candidate in error messages.
 
     Returns
     -------
@@ -103,7 +105,7 @@ def compare(
     Raises
     ------
     CheckFailed
-        If the candidate or a buffer holds NaN or Inf in a texel with coverage: never averaged away.
+        If the candidate or a buffer has NaN or Inf in a texel with coverage.
     ValueError
         If shapes differ or there are fewer than three buffers.
     """
@@ -146,8 +148,8 @@ def relative_mse_of_samples(samples: Array, buffers: Array) -> Estimate:
     Returns
     -------
     Estimate
-        Mean over texels and channels of ((ā − R̄)² − s_a²/S − s²/K) / (R̄² + ε): the scatter of the samples is taken out
-        as the noise of the reference is. The standard error is that of both, from leaving each out in turn.
+        Mean over texels and channels of ((ā − R̄)² − s_a²/S − s²/K) / (R̄² + ε): the variance of the samples and the
+        noise of the reference are both subtracted. The standard error combines both, by the jackknife.
     """
 
     def value(a: _Moments, b: _Moments) -> float:
@@ -157,14 +159,15 @@ def relative_mse_of_samples(samples: Array, buffers: Array) -> Estimate:
     whole = value(a, b)
     over_buffers = jackknife(whole, np.array([value(a, rest) for rest in _Moments.leaving_out_each(buffers)]))
     over_samples = jackknife(whole, np.array([value(rest, b) for rest in _Moments.leaving_out_each(samples)]))
-    both = mean_estimate([over_buffers, over_samples])  # of degrees of freedom and twice the standard error
+    both = mean_estimate([over_buffers, over_samples])  # of two estimates: half the joint standard error
     return Estimate(over_buffers.value, 2 * both.standard_error, both.degrees_of_freedom)
 
 
 def noise_floor(reference: Reference) -> float:
-    """Predict the relMSE of a perfect map against this reference, were the noise not taken out.
+    """Expected relMSE of a perfect map against this reference, if the noise were not subtracted.
 
-    Times `reference.samples` it is the path tracer's relative variance a sample: what error costs without a bake.
+    Multiplied by `reference.samples` it is the relative variance of one sample of the path tracer, from which the time
+    of path tracing to a given error follows.
     """
     return float(np.mean(_relative_noise(reference)))
 
@@ -182,7 +185,7 @@ def _relative_noise(reference: Reference) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Moments:
-    """Mean of the buffers, and the variance of that mean, of each judged texel and channel."""
+    """Mean of the buffers, and variance of that mean, for each texel with coverage ≥ ½ and each channel."""
 
     mean: Array
     variance: Array
@@ -193,7 +196,7 @@ class _Moments:
 
     @staticmethod
     def leaving_out_each(buffers: Array) -> Iterator[_Moments]:
-        """Moments of the other K − 1 buffers, for each in turn, from what it adds to the sums."""
+        """Yield the moments without each buffer in turn, by downdating the sums."""
         k = len(buffers)
         mean = buffers.mean(axis=0)
         squares = ((buffers - mean) ** 2).sum(axis=0)
@@ -206,7 +209,7 @@ class _Moments:
 def _relative_mse(
     a: Array, buffers: Array, judged: NDArray[np.bool_]
 ) -> tuple[Estimate, tuple[Estimate, Estimate, Estimate], dict[str, Estimate]]:
-    """Debiased relMSE over all, a channel and a zone, with intervals from leaving each buffer out in turn."""
+    """Debiased relMSE of the map, of each channel and of each zone, with intervals by the jackknife."""
     radius = _radius(judged)
     zones = {name: (radius >= low) & (radius < high) for name, (low, high) in ZONES.items()}
     zones = {name: inside for name, inside in zones.items() if inside.any()}
@@ -222,10 +225,10 @@ def _relative_mse(
 
 
 def _debiased(a: Array, moments: _Moments) -> Array:
-    """Relative squared error of each texel and channel, the expected share of the reference's noise taken out.
+    """Relative squared error of each texel and channel, minus the expected contribution of the reference's noise.
 
-    E[(a − R̄)²] = (a − R)² + σ²/K, and s² is an unbiased estimate of σ² that the same buffers give. What bias the noise
-    of the denominator leaves (a few per cent of the value at 3 % noise) the jackknife takes out.
+    E[(a − R̄)²] = (a − R)² + σ²/K, and s² of the same buffers is an unbiased estimate of σ². The remaining bias due to
+    the noisy denominator (a few per cent of the value at 3 % noise) is removed by the jackknife.
     """
     return np.asarray(((a - moments.mean) ** 2 - moments.variance) / denominator(moments.mean))
 
@@ -250,7 +253,7 @@ def _worst_texel(error: Array, judged: NDArray[np.bool_]) -> WorstTexel:
 
 
 def _radius(judged: NDArray[np.bool_]) -> Array:
-    """Distance of the judged texels' centres from the middle of the unit disk."""
+    """Distance of the centres of texels with coverage ≥ ½ from the centre of the unit disk."""
     row, column = np.nonzero(judged)
     height, width = judged.shape
     return np.asarray(np.hypot((column + 0.5) * 2 / width - 1, (row + 0.5) * 2 / height - 1))
@@ -267,7 +270,7 @@ def _check_finite(candidate: NDArray[np.floating], reference: Reference, name: s
             raise CheckFailed(
                 f"radiance is {value} ({len(bad)} such values in all)",
                 where=f"{label}, row {row}, column {column}, channel {'RGB'[channel]}",
-                fix="look for the cause: no average would hide it",
+                fix="find its cause: such values are never averaged",
             )
 
 

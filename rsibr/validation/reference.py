@@ -1,7 +1,7 @@
-"""Path-traced truth: the material on a real sphere in a real Mitsuba scene.
+"""Path-traced reference: the material on a sphere in a complete Mitsuba scene.
 
-Nothing here is shared with the bake: another integrator (`path` against a lobe-resolved direct one), a `sphere` shape
-in place of analytic normals, Mitsuba's own camera, film and seeds.
+It shares no code with the bake: Mitsuba's `path` integrator instead of the lobe-resolved direct one, a `sphere` shape
+instead of analytic normals, and Mitsuba's camera, film and sampler.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from rsibr.backend import Rendering
 from rsibr.errors import InputError
 
 MINIMUM_BUFFERS = 8
-"""Independent renderings that a reference holds at least: their spread is its noise."""
+"""Minimum number of independent renderings of a reference; their variance gives its noise."""
 
 LANES_PER_LAUNCH = 2**24
-"""Samples that one kernel launch takes: enough to fill a device, far below the limit of 2^32."""
+"""Maximum samples of one kernel launch: enough to occupy a device, far below the limit of 2^32."""
 
 SAMPLER = "multijitter"
 
 _REFERENCE_BRANCH = 0x7265_6665
-"""Branch of the seed tree (the letters "refe"), so that a bake with the same root seed shares no random numbers."""
+"""Branch of the seed tree (the letters "refe"); no random number is shared with a bake of the same root seed."""
 
 _CAMERA_DISTANCE = 2.0
 
 
 class Emitting(Protocol):
-    """What a reference asks of an environment."""
+    """Protocol of an environment as a reference uses it."""
 
     def emitter(self) -> dict[str, Any]:
         """Mitsuba dictionary of the emitter."""
 
 
 class Reflecting(Protocol):
-    """What a reference asks of a material."""
+    """Protocol of a material as a reference uses it."""
 
     def bsdf(self) -> Any:
         """Mitsuba BSDF in the current variant."""
@@ -55,16 +55,16 @@ class Reference:
     Attributes
     ----------
     buffers : ndarray, shape (K, H, W, 3), float32
-        Radiance [W sr⁻¹ m⁻²], coverage divided out; 0 where nothing is covered. Their mean is the reference, their
-        spread its noise.
+        Radiance [W sr⁻¹ m⁻²], coverage divided out; 0 without coverage. Their mean is the reference, their variance
+        gives its noise.
     coverage : ndarray, shape (H, W), float32
-        Share of each texel that the sphere covers, as the camera saw it.
+        Share of each texel covered by the sphere, from the alpha channel of the rendering.
     samples : int
-        Samples a texel, all buffers together.
+        Samples a texel, total of all buffers.
     seconds : float
-        Rendering time of all buffers, device finished, nothing compiled.
+        Rendering time of all buffers until the device has finished, without compilation [s].
     compile_seconds : float
-        Time of the warm-up pass that compiled the kernels; 0 where they were compiled before.
+        Time of the warm-up pass that compiled the kernels [s]; 0 if they were compiled before.
     sampler : str
         Mitsuba's name of the sampler.
     """
@@ -89,20 +89,20 @@ class Reference:
 
 
 class ReferenceRenderer:
-    """Renders one material under one environment from any view: the scene is built and compiled once.
+    """Path tracer of one material under one environment for any view; the scene is built and compiled once.
 
     Parameters
     ----------
     environment : Emitting
-        Has `emitter()`: an `Environment`.
+        Object with a method `emitter`, such as an `Environment`.
     material : Reflecting
-        Has `bsdf()`: a `Material`.
+        Object with a method `bsdf`, such as a `Material`.
     resolution : int
         Texels a side.
     rendering : {"rgb", "spectral", "spectral_polarized"}
-        What Mitsuba carries along its paths. Its film turns spectra into linear RGB by itself.
+        Quantity carried along a path. Mitsuba's film converts spectra to linear RGB.
     max_lanes : int
-        Samples of one kernel launch at most.
+        Maximum samples of one kernel launch.
     """
 
     def __init__(
@@ -127,12 +127,12 @@ class ReferenceRenderer:
         Parameters
         ----------
         frame : array_like, shape (3, 3)
-            The map's frame: columns x (right), y (up), z = v in world coordinates.
+            Frame of the map: columns x (right), y (up), z = v in world coordinates.
         samples : int
-            Samples a texel at least, all buffers together. Each pass is rounded up to a grid that the sampler can
-            stratify; `Reference.samples` says how many it were.
+            Minimum samples a texel, total of all buffers. Each pass is rounded up to a grid that the sampler can
+            stratify; `Reference.samples` is the actual number.
         seed : int
-            Root of the seed tree, ≥ 0. The view enters too: two views share no random numbers.
+            Root of the seed tree, ≥ 0. The seeds depend on the view too: two views share no random numbers.
         buffers : int
             Independent buffers, ≥ 8.
 
@@ -164,14 +164,14 @@ class ReferenceRenderer:
         return Reference(radiance, coverage, seeds.size * spp, seconds, compile_seconds)
 
     def _look_along(self, frame: NDArray[np.float64]) -> None:
-        """Turn the camera; its transform is an opaque value of the kernel, so nothing is compiled anew."""
+        """Set the camera's transform, which is an opaque input of the kernel, so that nothing is recompiled."""
         key = "sensor.to_world"
         self._parameters[key] = mi.AffineTransform4f(_camera_to_world(frame))
         dr.make_opaque(self._parameters[key])
         self._parameters.update()
 
     def _warm_up(self, spp: int) -> float:
-        """Compile the kernel for passes of `spp` samples unless that has happened; return what it took."""
+        """Compile the kernel for passes of `spp` samples unless it is compiled already; return the time [s]."""
         if spp in self._compiled:
             return 0.0
         start = time.perf_counter()
@@ -182,12 +182,12 @@ class ReferenceRenderer:
 
     def _buffer(self, seeds: NDArray[np.uint32], spp: int) -> NDArray[np.float32]:
         total = np.zeros((self.resolution, self.resolution, 4))
-        for seed in seeds:  # one launch at a time, each read back: memory does not grow with the number of passes
+        for seed in seeds:  # one launch at a time, so that memory does not grow with their number
             total += self._film(int(seed), spp)
         return (total / len(seeds)).astype(np.float32)
 
     def _film(self, seed: int, spp: int) -> NDArray[np.float32]:
-        """Colour, premultiplied, and alpha of one launch; shape (N, N, 4)."""
+        """Premultiplied colour and alpha of one launch; shape (N, N, 4)."""
         return np.asarray(mi.render(self._scene, seed=seed, spp=spp).numpy())
 
 
@@ -221,9 +221,9 @@ def render_reference(
 def _scene(environment: Emitting, material: Reflecting, resolution: int) -> dict[str, Any]:
     return {
         "type": "scene",
-        "integrator": {"type": "path", "hide_emitters": True},  # beside the sphere a texel stays empty
+        "integrator": {"type": "path", "hide_emitters": True},  # texels beside the sphere are empty
         "sensor": {
-            "type": "orthographic",  # sees [−1, 1]²: the unit sphere fills the picture
+            "type": "orthographic",  # field of view [−1, 1]²: the unit sphere fills the image
             "to_world": mi.ScalarAffineTransform4f(_camera_to_world(np.eye(3))),
             "near_clip": _CAMERA_DISTANCE / 4,
             "far_clip": _CAMERA_DISTANCE * 2,
@@ -243,7 +243,7 @@ def _scene(environment: Emitting, material: Reflecting, resolution: int) -> dict
 
 
 def _camera_to_world(frame: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Mitsuba's cameras look along +z with +x to the *left*."""
+    """Camera transform of a frame; Mitsuba's cameras look along +z with +x to the *left*."""
     x, y, v = frame.T
     matrix = np.eye(4)
     matrix[:3] = np.column_stack([-x, y, -v, _CAMERA_DISTANCE * v])
@@ -251,7 +251,7 @@ def _camera_to_world(frame: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 def _passes(samples: int, buffers: int, resolution: int, max_lanes: int) -> tuple[int, int]:
-    """Share samples out: passes of a buffer, and samples of a pass as a product that `multijitter` need not round."""
+    """Number of passes of a buffer, and samples of a pass as a product that `multijitter` does not round."""
     if buffers < MINIMUM_BUFFERS:
         raise InputError(f"{buffers} buffers are too few to tell noise from error", fix="ask for 8 or more")
     if samples < buffers:
@@ -266,24 +266,24 @@ def _passes(samples: int, buffers: int, resolution: int, max_lanes: int) -> tupl
 
 
 def stratified(samples: int) -> int:
-    """Least count of at least `samples` that is a product of two nearly equal factors: the strata of `multijitter`."""
+    """Smallest number ≥ `samples` that is a product of two nearly equal factors, the strata of `multijitter`."""
     columns = math.isqrt(samples)
     return columns * -(-samples // columns)
 
 
 def _seeds(seed: int, frame: NDArray[np.float64], count: int) -> NDArray[np.uint32]:
-    """Seeds on a branch of their own: from the root and the bits of the view."""
+    """Seeds of the passes, from the root seed and the bits of the view."""
     view = (frame[:, 2] + 0.0).view(np.uint32)  # + 0.0: −0 and 0 are one direction
     branch = (_REFERENCE_BRANCH, *(int(word) for word in view))
     return np.random.SeedSequence(seed, spawn_key=branch).generate_state(count).astype(np.uint32)
 
 
 def _without_coverage(films: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Divide coverage out of premultiplied colour, shape (K, H, W, 4), texels that were never hit aside.
+    """Divide coverage out of premultiplied colour, shape (K, H, W, 4), except in texels without coverage.
 
-    A texel's radiance is the ratio of two sums over all buffers, ΣL/Σα. Each buffer gets its linearisation,
-    R̄ + (L_k − R̄ α_k)/ᾱ: the mean over the buffers is that ratio, their spread is its spread by the delta method, and a
-    buffer that happened to miss a rim texel divides nothing by zero.
+    The radiance of a texel is the ratio of two sums over all buffers, ΣL/Σα. Each buffer holds its linearisation,
+    R̄ + (L_k − R̄ α_k)/ᾱ. The mean over the buffers is then that ratio, their variance is its variance by the delta
+    method, and a buffer that missed a rim texel causes no division by zero.
     """
     colour, alpha = films[..., :3], films[..., 3:]
     mean_alpha = alpha.mean(axis=0, dtype=np.float64)

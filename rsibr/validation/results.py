@@ -1,4 +1,4 @@
-"""What a validation found: fill a `Validation`, and the report writes itself.
+"""Results of a validation, from which the report is written.
 
 >>> from rsibr.validation.results import MethodResult, Validation, ViewResult
 >>> view = ViewResult(frame, reference, {"cabral1999": MethodResult(image, error, seconds)})   # doctest: +SKIP
@@ -26,12 +26,12 @@ from rsibr.validation.reference import Reference
 
 @dataclass(frozen=True)
 class BakeSummary:
-    """What was baked, and what it cost.
+    """Contents and cost of a bake.
 
     Attributes
     ----------
     name, material, environment : str
-        As a person calls them.
+        Names of the bake, the material and the environment.
     views, resolution, samples : int
         Stored views, texels a side, samples a texel.
     seconds : float
@@ -39,7 +39,7 @@ class BakeSummary:
     bytes : int
         Size on disk.
     details : dict
-        More to show and to keep: versions, variant, configuration hash. Plain JSON values.
+        Further JSON values: versions, variant, configuration hash.
     """
 
     name: str
@@ -60,13 +60,13 @@ class MethodResult:
     Attributes
     ----------
     image : ndarray, shape (H, W, 3)
-        Its map.
+        Reconstructed map.
     error : MapError
-        From `rsibr.validation.metrics.compare`.
+        Metrics from `rsibr.validation.metrics.compare`.
     seconds : float
-        Time of the whole map, device finished, nothing compiled.
+        Time of the whole map until the device has finished, without compilation [s].
     eval : EvalError or None
-        Error and time of the method's `eval` at single points; None where it was not judged.
+        Error and time of the method's `eval` at single points; None if it was not measured.
     """
 
     image: NDArray[np.float32]
@@ -80,14 +80,14 @@ class MethodResult:
 
 @dataclass(frozen=True)
 class MethodStart:
-    """What a method takes before its first map.
+    """Time of a method before its first map.
 
     Attributes
     ----------
     prepare_seconds : float
-        To make it ready, see `rsibr.methods.protocol.Cost`.
+        Preparation time [s], see `rsibr.methods.protocol.Cost`.
     compile_seconds : float
-        What the first map took longer than the others.
+        Extra time of the first map: tracing and compilation [s].
     """
 
     prepare_seconds: float = 0.0
@@ -103,12 +103,13 @@ class ViewResult:
     frame : ndarray, shape (3, 3)
         Columns x, y and z = v.
     reference : Reference
+        Path-traced map of the view.
     methods : dict of str to MethodResult
-        In the order in which to show them.
+        Result by name of the method, in display order.
     label : str
-        Why this view: `"triangle centroid"`, `"random"`, …; may be empty.
+        Origin of the view: `"triangle centroid"`, `"random"`, …; may be empty.
     lobes : ViewLobes or None
-        The same lobe by lobe; None where nobody looked.
+        Errors of single lobes; None if they were not measured.
     """
 
     frame: NDArray[np.float64]
@@ -129,7 +130,7 @@ class ViewResult:
 
     @cached_property
     def noise_floor(self) -> float:
-        """Expected relMSE of a perfect map: the noise of the reference."""
+        """Expected relMSE of a perfect map, due to the noise of the reference."""
         return noise_floor(self.reference)
 
 
@@ -140,35 +141,35 @@ class MethodSummary:
     Attributes
     ----------
     rel_mse : Estimate
-        Mean over the views; the interval holds the reference's noise.
+        Mean over the views; the interval is that due to the noise of the reference.
     rel_mse_range : tuple of two floats
-        Smallest and largest of the views.
+        Minimum and maximum over the views.
     rel_mse_zones : dict of str to Estimate
-        Mean over the views of each zone of radius.
+        Mean over the views for each zone of radius.
     smape, flip : float
         Means over the views.
     energy_ratio : float or None
-        Mean over the views; None where one has none.
+        Mean over the views; None if it is undefined at one of them.
     worst_texel : float
-        Largest relative squared error of any texel of any view.
+        Maximum relative squared error over all texels of all views.
     seconds : float
-        Mean time of a map.
+        Mean time of a map [s].
     seconds_range : tuple of two floats
-        Shortest and longest.
+        Minimum and maximum time of a map [s].
     eval_rel_mse : Estimate or None
-        RelMSE of `eval`, mean over the views; None where it was not judged.
+        RelMSE of `eval`, mean over the views; None if it was not measured.
     eval_seconds : float or None
-        Mean time of one evaluation of `eval`.
+        Mean time of one evaluation of `eval` [s].
     prepare_seconds : float
-        Time to make the method ready, see `Cost`.
+        Preparation time of the method [s], see `Cost`.
     compile_seconds : float
-        Time that the first map took longer than the others: tracing and compilation.
+        Extra time of the first map: tracing and compilation [s].
     path_tracing_seconds : float
-        Time in which the reference's path tracer reaches the same relMSE on one map; a lower bound where the error is
-        below the noise floor.
+        Time of the reference's path tracer to the same relMSE on one map [s]; a lower bound if the error is below the
+        noise floor.
     break_even_views : int or None
-        Maps after which baking, preparing, compiling and reconstructing has cost no more than path tracing each; None
-        if it never has.
+        Number of maps from which bake, preparation, compilation and reconstruction together take no more time than
+        path tracing; None if they always take more.
     """
 
     rel_mse: Estimate
@@ -190,21 +191,22 @@ class MethodSummary:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Validation:
-    """A bake held against the truth at some views.
+    """Comparison of a bake with path-traced references at novel views.
 
     Attributes
     ----------
     bake : BakeSummary
+        Contents and cost of the bake.
     views : list of ViewResult
         At least one; the same methods in each.
     exposures : Exposures
-        Those of FLIP, for all views.
+        Exposures of FLIP, the same for all views.
     health : Health or None
-        Numerical health of the bake itself; None where nobody looked.
+        Numerical health of the bake; None if it was not assessed.
     plan : Plan or None
-        Which effects the bake simulated; None in a bake without a plan.
+        Effects that the bake simulated; None in a bake without a plan.
     starts : dict of str to MethodStart
-        What each method took before its first map; none where nobody measured.
+        Time of each method before its first map; empty if it was not measured.
     """
 
     bake: BakeSummary
@@ -220,22 +222,22 @@ class Validation:
 
     @property
     def methods(self) -> list[str]:
-        """Names of the methods, in the order in which to show them."""
+        """Names of the methods, in display order."""
         return list(self.views[0].methods)
 
     @cached_property
     def summary(self) -> dict[str, MethodSummary]:
-        """Each method over all views."""
+        """Summary of each method over all views."""
         return {name: self._summarise(name) for name in self.methods}
 
     @property
     def lobes(self) -> list[ViewLobes]:
-        """The lobes at each view; none where nobody looked."""
+        """Errors of single lobes at each view; empty if they were not measured."""
         return [view.lobes for view in self.views if view.lobes is not None]
 
     @cached_property
     def lobe_summary(self) -> dict[str, LobeSummary]:
-        """Each lobe over all views; none where nobody looked."""
+        """Summary of each lobe over all views; empty if lobes were not measured."""
         return summarise(self.lobes) if self.lobes else {}
 
     def _summarise(self, name: str) -> MethodSummary:
@@ -271,29 +273,29 @@ class Validation:
         )
 
     def _path_tracing_seconds(self, error: Estimate) -> float:
-        """Time of the reference's path tracer to the same relMSE: it falls with 1/samples from the noise floor."""
+        """Time of the reference's path tracer to the same relMSE [s]; its relMSE is proportional to 1/samples."""
         floor = float(np.mean([view.noise_floor for view in self.views]))
         samples = float(np.mean([view.reference.samples for view in self.views]))
         seconds = float(np.mean([view.reference.seconds for view in self.views]))
         reached = error.ci95[1] if error.below_noise_floor else error.value
         share = floor / reached if reached > 0 else 0.0
-        return seconds * max(share, 1.0 / samples)  # one sample a texel is the least that can be had
+        return seconds * max(share, 1.0 / samples)  # at least one sample a texel
 
 
 def break_even_views(once_seconds: float, path_tracing_seconds: float, reconstruct_seconds: float) -> int | None:
-    """Count the views after which a bake has cost no more than path tracing each view to the same error.
+    """Number of views from which a bake takes no more time than path tracing each view to the same error.
 
     Parameters
     ----------
     once_seconds : float
-        Spent once: the bake, and what the method takes before its first map.
+        Time spent once: bake, preparation, compilation [s].
     path_tracing_seconds, reconstruct_seconds : float
-        Spent on each view, without and with the bake.
+        Time of each view without and with the bake [s].
 
     Returns
     -------
     int or None
-        None where a reconstructed view takes as long as a path-traced one, or longer: it never pays.
+        None if a reconstructed view takes at least as long as a path-traced one.
     """
     saved = path_tracing_seconds - reconstruct_seconds
     return math.ceil(once_seconds / saved) if saved > 0 else None

@@ -1,4 +1,4 @@
-"""How much of a new view is looked up near the singularity of a stored one."""
+"""Share of a novel view that is looked up near the singularity of a stored view."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from rsibr.methods.warp_blend.source_maps import StoredView
 from rsibr.methods.warp_blend.warp import MirrorWarp
 
 NEAR = 0.1
-"""Confidence of a source below which its lookup counts as near the singularity."""
+"""Confidence of a source below which a lookup counts as near the singularity."""
 
 _RESOLUTION = 64
-"""Texels a side: the area of a circle of radius `NEAR` is then known to a few per cent."""
+"""Texels a side; resolves the area of a circle of radius `NEAR` to a few per cent."""
 
 
 def near_singularity(viewpoints: Viewpoints, views: Sequence[NDArray[np.float64]]) -> float:
-    """Share of texels that a source with a confidence below `NEAR` takes part in, averaged over new views.
+    """Share of texels with a source of confidence below `NEAR`, averaged over novel views.
 
     Parameters
     ----------
     viewpoints : Viewpoints
-        The stored views; the three around a new one are its sources.
+        Stored views; the three around a novel view are its sources.
     views : sequence of ndarray, shape (3,)
-        New unit view directions, at least one.
+        Novel unit view directions, at least one.
 
     Returns
     -------
     float
-        In [0, 1]. A source's singularity is a point of the map, so up to 3 · `NEAR`² = 0.03 is what the method has of
-        itself; a source that is the new view alone has none that matters and counts as if it did.
+        In [0, 1]. The singularity of a source is a point of the map, so the method itself causes up to
+        3 · `NEAR`² = 0.03. At a stored view the singularity has no effect, but is counted all the same.
     """
     p = texel_centres(_RESOLUTION)
     inside = np.array(dr.squared_norm(p)) <= 1
@@ -45,7 +45,7 @@ def near_singularity(viewpoints: Viewpoints, views: Sequence[NDArray[np.float64]
 
 
 def _touched(viewpoints: Viewpoints, view: NDArray[np.float64], n: mi.Vector3f) -> NDArray[np.bool_]:
-    """Lanes of which a source of `view` is not to be trusted."""
+    """Whether any source of `view` has a confidence below `NEAR`, for each lane of `n`."""
     frame = mi.Matrix3f(view_frame(view).astype(np.float32))
     sources = viewpoints.surrounding(mi.Vector3f(*view.tolist()))
     touched = np.zeros(dr.width(n), dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""Holds a bake against path-traced truth: novel views, every method, error and time of each."""
+"""Validation of a bake against path-traced references: error and time of every method at novel views."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ from rsibr.validation.results import BakeSummary, MethodResult, MethodStart, Val
 DEFAULT_VIEWS = 8
 DEFAULT_SAMPLES = 1024
 LOBE_SAMPLES = 4
-"""Samples of a path-traced reference to one of a lobe-resolved one, which is the less noisy for as many."""
+"""Samples of a path-traced reference over those of a lobe-resolved one, which is less noisy at equal samples."""
 
 TIMED_RUNS = 5
-"""Runs of each reconstruction after the first, which compiles; their median is its time."""
+"""Timed runs of each reconstruction after the first, which compiles; the median is reported."""
 
 _VIEW_BRANCH = 0x76696577
-"""Branch of the seed tree (the letters "view") that novel views are drawn from."""
+"""Branch of the seed tree (the letters "view") for novel views."""
 
 
 @backend.in_session
@@ -64,25 +64,25 @@ def validate(
     Parameters
     ----------
     bake : Bake or path
-        A finished bake. The environment and material files that it was made from must be there, unchanged.
+        A finished bake. The environment and material files that it was made from must exist, unchanged.
     views : int or sequence of array_like
-        View directions; or how many to take: half at triangle centroids, the places farthest from any stored view, half
-        random from the bake's seed.
+        View directions, or their number: half at triangle centroids, the points farthest from any stored view, and
+        half random, from the bake's seed.
     methods : sequence of str, optional
-        Names of methods, see `rsibr.method_names`; by default all that the bake holds what they need for.
+        Names of methods, see `rsibr.method_names`; by default all whose requirements the bake meets.
     samples : int
-        Samples a texel of each reference, all buffers together.
+        Samples a texel of each reference, total of all buffers.
     buffers : int
-        Independent buffers a reference, at least 8.
+        Independent buffers of a reference, at least 8.
     lobes : bool, optional
-        Whether to judge `rsibr` lobe by lobe as well, see `rsibr.validation.lobes`; by default where it is among the
-        methods and the bake has more than one.
+        Whether to measure the errors of single lobes of `rsibr` too, see `rsibr.validation.lobes`; by default if
+        `rsibr` is among the methods and the bake has more than one lobe.
     out : path, optional
-        Directory for `report.html`, `metrics.json` and the pictures.
+        Directory for `report.html`, `metrics.json` and the images.
     on_progress : callable
-        Called with the views done and the views in all.
+        Called with the number of views done and the total.
     scene : Scene, optional
-        What the bake was made from, where it is prepared already; by default it is loaded.
+        Scene of the bake if it is prepared already; by default it is loaded.
 
     Returns
     -------
@@ -92,11 +92,17 @@ def validate(
     Raises
     ------
     InputError
-        If a view or a method is wrong, an input file is gone, or lobes are wanted of a bake that has but one.
+        If a view or a method is invalid, an input file is missing, or `lobes` is set for a bake with a single lobe.
     BakeError
         If the bake cannot be read, or its inputs have changed since.
     CheckFailed
-        If a map holds NaN or Inf, or lacks texels: before anything is rendered, the findings written to `out`.
+        If a stored map has NaN, Inf or missing texels. Raised before anything is rendered; the findings are written to
+        `out`.
+
+    Examples
+    --------
+    >>> report = rsibr.validate("out/paint.rsibr", views=8, out="out/report")    # doctest: +SKIP
+    >>> print(report.summary["rsibr"].rel_mse)                                   # doctest: +SKIP
     """
     backend.use()
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
@@ -108,7 +114,7 @@ def validate(
     by_lobe = has_lobes(opened, names, lobes)
     load = cache(lambda: scene or Scene.prepare(opened.config))
     method_set = MethodSet(opened)
-    maps = method_set.inputs.maps  # decoded once for all that looks at them
+    maps = method_set.inputs.maps  # decoded once, shared by health check, exposure and methods
     health = _trusted_health(opened, [view for _, view in chosen], out, lambda: load().environment, maps)
     prepared = _unchanged(opened, load())
     renderer = ReferenceRenderer(prepared.environment, prepared.material, opened.resolution, opened.rendering)
@@ -137,33 +143,33 @@ def validate(
 
 
 def novel_views(bake: Bake, count: int) -> list[tuple[str, NDArray[np.float64]]]:
-    """View directions to judge a bake at, the same for the same bake and count.
+    """Draw the novel views of a validation, the same for the same bake and count.
 
     Parameters
     ----------
     bake : Bake
-        Its triangles and its seed decide.
+        Determines the views by its triangles and its seed.
     count : int
-        How many, at least 1: the first half, rounded up, at triangle centroids.
+        Number of views, at least 1: the first half, rounded up, at triangle centroids.
 
     Returns
     -------
     list of (str, ndarray of shape (3,))
-        Why each view was taken, and its unit direction.
+        Origin of each view (see `rsibr.geometry.novel_views`), and its unit direction.
     """
     seeds = np.random.SeedSequence(_seed(bake), spawn_key=(_VIEW_BRANCH,))
     return drawn_views(Viewpoints(bake.directions, bake.triangles), count, seeds)
 
 
 def timed(method: Method, frame: NDArray[np.float64], resolution: int) -> tuple[Reconstruction, float]:
-    """Make a map several times.
+    """Reconstruct and time a map in several runs.
 
     Returns
     -------
     made : Reconstruction
-        The map, with the median time of `TIMED_RUNS` runs.
+        Map, with the median time of `TIMED_RUNS` runs.
     first : float
-        Time of the run before them, which may trace and compile kernels [s].
+        Time of an earlier first run, which may trace and compile kernels [s].
     """
     made = run(method, frame, resolution)
     return replace(
@@ -189,7 +195,7 @@ def _trusted_health(
     environment: Callable[[], Environment],
     maps: Sequence[MapFile],
 ) -> Health:
-    """Look at the bake itself before hours of rendering; a map with NaN or holes cannot be judged."""
+    """Assess the bake before references are rendered; raise if a stored map has NaN or holes."""
     health = assess(bake, views, environment, maps)
     if health.trusted:
         return health
@@ -198,11 +204,11 @@ def _trusted_health(
     found = "; ".join(
         str(finding) for finding in health.findings.values() if finding.verdict == "failed" and finding.texels
     )
-    raise CheckFailed(f"cannot be judged: {found}", where=str(bake.path), fix=f"see where: `rsibr check {bake.path}`")
+    raise CheckFailed(f"cannot be validated: {found}", where=str(bake.path), fix=f"see `rsibr check {bake.path}`")
 
 
 def _unchanged(bake: Bake, scene: Scene) -> Scene:
-    """Return the scene where it is still what the bake was made from."""
+    """Return the scene; raise if environment or material have changed since the bake."""
     for kind, digest in scene.digests.items():
         if bake.manifest.identity[kind]["content"] != digest:
             raise BakeError(
@@ -212,7 +218,7 @@ def _unchanged(bake: Bake, scene: Scene) -> Scene:
 
 
 def _mean_radiance(maps: Sequence[MapFile]) -> float:
-    """Mean over the stored maps: one exposure for all views and methods."""
+    """Mean radiance over the stored maps, for one exposure of all views and methods."""
     total = sum(float((m.radiance * m.coverage[..., None]).sum()) for m in maps)
     return total / (3 * sum(float(m.coverage.sum()) for m in maps))
 

@@ -1,4 +1,4 @@
-"""`rsibr check`: the findings as lines or as one object; exit code 1 where a bake is not to be trusted."""
+"""`rsibr check`: the findings as lines or as one object; exit code 1 if a bake is unusable."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_nan_ends_with_1_and_is_named_with_its_place(shell, baked, tmp_path):
     spoil(baked, np.nan)
     ended = shell("check", baked, "--out", tmp_path / "report")
     assert ended.code == 1
-    assert "not to be trusted" in ended.stdout
+    assert "unusable" in ended.stdout
     assert "view 11, row 4, column 3 (s 0.4375, t 0.4375)" in ended.stdout
     assert (tmp_path / "report" / "health.html").exists()
 

@@ -168,4 +168,4 @@ def test_a_folder_that_may_not_be_written_to(tmp_path):
     assert len(lines) == 2, ended.stderr
     assert all(line.startswith("2 ") for line in lines)
     assert "Permission denied" in lines[0]
-    assert "may not be written to" in lines[1]
+    assert "is not writable" in lines[1]

@@ -35,13 +35,13 @@ def test_a_study_prints_what_it_expects_and_what_it_found(shell: Shell, study, t
     ended = shell("study", study, "--out", tmp_path / "out")
     assert ended.code == 0, ended
     assert "expected to take" in ended.stderr
-    assert "matte-lambert under constant: the best in its time, bake, preparation and 100 pictures" in ended.stdout
-    assert "what twice the time buys" in ended.stdout
+    assert "matte-lambert under constant: Pareto front" in ended.stdout
+    assert "gain of doubling the time" in ended.stdout
     assert re.search(r"\nforecast .*, took .*\nreport: ", ended.stdout)
     assert f"report: {tmp_path / 'out' / 'study.html'}\n" in ended.stdout
     assert {"study.html", "study.json", "study.csv"} <= {path.name for path in (tmp_path / "out").iterdir()}
     again = shell("study", study, "--out", tmp_path / "out", "--json")
-    assert "all is there already" in again.stderr
+    assert "already complete" in again.stderr
     assert again.json == json.loads((tmp_path / "out" / "study.json").read_text())
     assert again.json["schema"] == 1
 

@@ -81,7 +81,7 @@ def test_a_set_of_methods_is_a_mapping_of_what_the_bake_serves(small_bakes):
     lobeless = Bake(whole.path, whole.manifest.model_copy(update={"lobes": ()}))
     assert "rsibr" not in MethodSet(lobeless)
     assert default_method(lobeless) == "cabral1999"
-    with pytest.raises(BakeError, match="its lobes were not kept apart"):
+    with pytest.raises(BakeError, match="its lobes are not stored separately"):
         MethodSet(lobeless)["rsibr"]
 
 

@@ -1,1 +1,1 @@
-"""Our method: a model of all lobes made from the light, and the residuals of the stored maps."""
+"""Method `rsibr`: prediction of all lobes from the environment, plus warped residuals of the stored maps."""

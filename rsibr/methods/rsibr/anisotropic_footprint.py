@@ -1,7 +1,8 @@
-"""The light of a narrow Gaussian of facets, seen at an angle: a streak around the mirror direction.
+"""Anisotropic footprint of a narrow Gaussian of microfacet slopes in directions of light.
 
-It is as wide as 2σ in the plane of incidence and 2σ cos θ across it, and is looked up at a few places from end to end
-in a light that is blurred as much as the streak is narrow.
+A Gaussian with standard deviation σ reflects the viewer into an ellipse around the mirror direction, with standard
+deviations 2σ in the plane of incidence and 2σ cos θ across it (docs/method.md, eq. 18). It is sampled like an EWA
+footprint (Heckbert 1989): a few lookups along the long axis, in an environment blurred to the width of the short axis.
 """
 
 from __future__ import annotations
@@ -16,27 +17,27 @@ import numpy as np
 from rsibr.geometry.to_device import to_device
 
 LookUp = Callable[["mi.Vector3f", "mi.Float"], "mi.Color3f"]
-"""(direction, standard deviation of the blur [rad]) → the light; of a `EnvironmentPyramid`."""
+"""(direction, standard deviation of the blur [rad]) → radiance: a lookup of an `EnvironmentPyramid`."""
 
-_REACH = 2.2  # standard deviations that the lookups reach
-_DENSITY = 2.0  # lookups to a ratio of the streak's axes
+_REACH = 2.2  # standard deviations covered by the lookups, to either side
+_DENSITY = 2.0  # lookups over the ratio of the footprint's axes
 _MOST_LOOKUPS = 24
-_OVERLAP = 0.3  # least width of a lookup over the distance to the next
+_OVERLAP = 0.3  # minimum width of a lookup over the distance to the next one
 _LEAST_VIEW_COSINE = 1e-3  # view angle at which the shading frame is clamped
-_GRAZING = 0.02  # cosine below which a streak grows no longer
-_NARROWEST = 1e-9  # a mirror at a point has no streak at all
+_GRAZING = 0.02  # cosine below which a footprint is not elongated further
+_NARROWEST = 1e-9  # avoids 0/0 for a delta lobe at a point, whose footprint has no extent
 
 
 @dataclass(frozen=True)
 class ShadingFrame:
-    """A surface as seen from the viewer, one a lane.
+    """Shading frame of a surface and a view, one a lane; the viewer is (sin θ, 0, cos θ) in it.
 
     Attributes
     ----------
     n, x, y : mi.Vector3f
-        Normal; the direction along the surface toward the viewer, and across it.
+        Normal; unit tangents in the plane of incidence (toward the viewer) and across it.
     cosine, sine : mi.Float
-        Of the angle between normal and viewer.
+        Cosine and sine of the angle θ between normal and viewer.
     """
 
     n: mi.Vector3f
@@ -47,35 +48,35 @@ class ShadingFrame:
 
     @classmethod
     def of(cls, n: mi.Vector3f, v: mi.Vector3f) -> ShadingFrame:
-        """Look at surfaces with normal `n` from `v`, both unit vectors."""
+        """Make the frame of surfaces with normal `n` seen from `v`, both unit vectors in world coordinates."""
         cosine = dr.clip(dr.dot(n, v), _LEAST_VIEW_COSINE, 1)
         along = v - n * dr.dot(n, v)
         squared = dr.squared_norm(along)
-        any_tangent = mi.Vector3f(mi.coordinate_system(n)[0])  # head-on every plane is one of incidence
+        any_tangent = mi.Vector3f(mi.coordinate_system(n)[0])  # head-on the plane of incidence is arbitrary
         x = dr.select(squared > 1e-10, along * dr.rsqrt(dr.maximum(squared, 1e-10)), any_tangent)
         return cls(n, x, dr.cross(n, x), cosine, dr.sqrt(dr.maximum(1 - cosine * cosine, 0)))
 
     @property
     def v(self) -> mi.Vector3f:
-        """The viewer in the surface's frame."""
+        """View direction in the shading frame."""
         return mi.Vector3f(self.sine, 0, self.cosine)
 
     def to_world(self, w: mi.Vector3f) -> mi.Vector3f:
-        """Direction in the surface's frame as one in the world."""
+        """Transform a direction from the shading frame to world coordinates."""
         return self.x * w.x + self.y * w.y + self.n * w.z
 
 
 @dataclass(frozen=True)
 class AnisotropicFootprint:
-    """The facets of a narrow Gaussian, as a viewer sees them.
+    """Footprint of a narrow Gaussian of microfacet slopes for a viewer.
 
     Attributes
     ----------
     shading : ShadingFrame
-        The surface.
+        Surface and view.
     along, across : mi.Float
-        Standard deviation of the facets' slopes in the plane of incidence, beyond what the blur of a lookup covers of
-        it, and across that plane.
+        Standard deviations of the slopes: σ∥ of the lookups' places in the plane of incidence, without the part that
+        the blur of each lookup contributes, and σ⊥ across that plane (docs/method.md, eq. 19).
     """
 
     shading: ShadingFrame
@@ -84,30 +85,31 @@ class AnisotropicFootprint:
 
     @classmethod
     def of(cls, shading: ShadingFrame, sigma: mi.Float, spacing: mi.Float) -> AnisotropicFootprint:
-        """Look at a Gaussian of facets.
+        """Make the footprint of a Gaussian of microfacet slopes over a texel; docs/method.md, eq. 19.
 
         Parameters
         ----------
         shading : ShadingFrame
-            The surface.
+            Surface and view.
         sigma : mi.Float
-            Standard deviation of the facets' slopes.
+            Standard deviation of the slopes.
         spacing : mi.Float
-            Distance of neighbouring texels in radii of the disk, 0 for a point: a texel sees the facets of all its
-            normals, and at the rim it spans 1/cos θ as many along the plane of incidence.
+            Distance of neighbouring texels in radii of the disk, 0 for a point. The spread of normals over a texel
+            widens the footprint, by a factor of 1/cos θ more in the plane of incidence.
         """
         cosine = dr.maximum(shading.cosine, _GRAZING)
-        texel = spacing * spacing * (1 / 12)  # variance of a box
+        texel = spacing * spacing * (1 / 12)  # variance of the texel's box filter
         across = dr.sqrt(sigma * sigma + texel)
         along = sigma * sigma + texel / (cosine * cosine) - dr.square(cosine * across)
         return cls(shading, dr.sqrt(dr.maximum(along, 0)), across)
 
     def two_taps(self, look_up: LookUp) -> mi.Color3f:
-        """Mean light, looked up one standard deviation to either side of the middle.
+        """Mean radiance of two lookups, one standard deviation to either side of the mirror direction.
 
         Notes
         -----
-        The Gauss–Hermite rule of two points. A place counts by the area that the viewer sees of its facet.
+        Gauss–Hermite rule of two points; each is weighted by h·v, the projected area of its microfacet
+        (docs/method.md, section 7.6).
         """
         light, weight = mi.Color3f(0), mi.Float(0)
         for t in (-1, 1):
@@ -122,27 +124,33 @@ class AnisotropicFootprint:
     def gather(
         self, spreads: mi.Float, colour: Callable[[mi.Vector3f], tuple[mi.Vector3f, mi.Color3f]], look_up: LookUp
     ) -> tuple[mi.Color3f, mi.Color3f]:
-        """Light and weight, looked up at as many places as the streak is longer than wide.
+        """Integrate radiance and weight over the footprint, with lookups in proportion to its axis ratio.
 
         Parameters
         ----------
         spreads : mi.Float
-            From `tap_spreads`.
+            Factors κ from `tap_spreads`.
         colour : callable
-            Facet → the direction that it mirrors the viewer into, and its weight, both in the surface's frame.
+            Microfacet normal → reflected view direction in the shading frame, and weight (RGB).
         look_up : callable
-            The light.
+            Lookup of the environment.
 
         Returns
         -------
         mi.Color3f, mi.Color3f
-            Weighted light [W sr⁻¹ m⁻²], and the weight.
+            Weighted radiance [W sr⁻¹ m⁻²] and weight, both divided by the sum of the Gaussian's weights.
+
+        Notes
+        -----
+        docs/method.md, section 6.1.
         """
+        # ---- Number and distance of the lookups, minimum blur of each ----
         ratio = self.along / dr.maximum(dr.maximum(self.shading.cosine, _GRAZING) * self.across, _NARROWEST)
         lookups = dr.clip(dr.ceil(_DENSITY * ratio), 1, _MOST_LOOKUPS)
         step, spread = 2 * _REACH / lookups, dr.gather(mi.Float, spreads, mi.UInt32(lookups))
         least = _OVERLAP * 2 * step * self.along
 
+        # ---- One lookup: midpoint rule over ±_REACH, places scaled by κ (eq. 20) ----
         def look(
             j: mi.Float, light: mi.Color3f, weight: mi.Color3f, total: mi.Float
         ) -> tuple[mi.Float, mi.Color3f, mi.Color3f, mi.Float]:
@@ -154,23 +162,29 @@ class AnisotropicFootprint:
             light += weighing * look_up(self.shading.to_world(w), self._width(facet, least))
             return j + 1, light, weight + weighing, total + share
 
+        # ---- Sum, normalised by the weights of the midpoint rule ----
         _, light, weight, total = dr.while_loop(
             state=(mi.Float(0), dr.zeros(mi.Color3f, 1), dr.zeros(mi.Color3f, 1), mi.Float(0)),
             cond=lambda j, _light, _weight, _total: j < lookups,
             body=look,
             labels=("j", "light", "weight", "total"),
-            label="lookups_along_a_streak",
+            label="lookups_along_a_footprint",
         )
         scale = dr.rcp(total)
         return light * scale, weight * scale
 
     def _width(self, facet: mi.Vector3f, least: mi.Float) -> mi.Float:
-        """Standard deviation [rad] of the blur to look the light up with: the streak's across, but not too narrow."""
+        """Standard deviation [rad] of the blur of a lookup: 2 (h·v) cos θ_h σ⊥, but at least `least`."""
         return dr.maximum(2 * dr.dot(facet, self.shading.v) * facet.z * self.across, least)
 
 
 def tap_spreads() -> mi.Float:
-    """For each count of lookups the factor on their places that gives them the variance of the Gaussian."""
+    """Factor κ on the places of M lookups that gives the discrete rule the variance of the Gaussian, at index M.
+
+    Notes
+    -----
+    docs/method.md, eq. 20.
+    """
     return to_device(mi.Float, np.array([_spread(n) for n in range(_MOST_LOOKUPS + 1)], dtype=np.float32))
 
 

@@ -1,4 +1,4 @@
-"""What a perfect mirror shows in a texel of a sphere map: the mean over the texel's area, as a baked map has it."""
+"""Delta lobe (perfect mirror): mean of the reflected environment over a texel of a sphere map, as in baked maps."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from rsibr.light.latlong_texture import LatLongTexture
 from rsibr.light.radiance import Light
 
 EXACT = 3.0
-"""Points a texel of an image and a side, head-on, where a mirror has nothing but its closed form."""
+"""Sample points per environment texel and side, head-on, where no residual corrects the result."""
 
 ROUGH = 1.0
-"""The same where stored maps say what is left of it: a ninth of the points."""
+"""The same where residuals of stored maps are added: a ninth of the points."""
 
-_MOST = 64  # points a side of a texel
+_MOST = 64  # sample points a side of a map texel, maximum
 _FEWEST = 2
-_FLATTEST = 0.35  # cosine from which on no more points are taken
-_FAINT = 1e-6
+_FLATTEST = 0.35  # cosine below which the number of points does not grow further
+_FAINT = 1e-6  # weight of the fallback sample
 
 
 @dataclass(eq=False)
 class DeltaLobe:
-    """The light, to be seen in a mirror.
+    """Environment as a delta lobe reflects it; docs/method.md, section 6.3.
 
     Attributes
     ----------
     light : LatLongTexture or EnvironmentPyramid
-        Where it is looked up: of a pyramid in its finest level.
+        Environment image; of a pyramid the finest level is used.
     fineness : mi.Float
-        Points a side of a texel, over its width in radii of the disk (opaque).
+        Sample points a side of a map texel, over the texel's width in radii of the disk (opaque).
     """
 
     light: LatLongTexture | EnvironmentPyramid
@@ -42,18 +42,17 @@ class DeltaLobe:
 
     @classmethod
     def of(cls, light: Light, pyramid: EnvironmentPyramid, density: float = ROUGH) -> DeltaLobe:
-        """Take the environment's own image where the bake keeps it, otherwise the finest level of the blurred light.
+        """Use the environment's own image where the bake keeps it, otherwise the finest level of the pyramid.
 
         Parameters
         ----------
         light, pyramid
-            The light, and the same blurred.
+            Environment, and its Gaussian pyramid.
         density : float
-            `EXACT` or `ROUGH`; the finest level has half the distance of an image's texels, and is looked at once a
-            texel.
+            `EXACT` or `ROUGH`. Applies to the image only; the finest level is sampled at its own texel distance.
         """
         if light.image is None:
-            # A texel as wide as s shows 2s of the sky, head-on, and √(4π)/R is the distance of the light's texels
+            # Head-on, a map texel of width s reflects an angle of 2s; environment texels are √(4π)/R apart
             return cls(pyramid, dr.opaque(mi.Float, len(light.picture) / math.sqrt(math.pi)))
         image = LatLongTexture.of(light.image, light.frame)
         return cls(image, dr.opaque(mi.Float, density * light.image.shape[1] / math.pi))
@@ -67,25 +66,32 @@ class DeltaLobe:
     def mean_over_texel(
         self, n: mi.Vector3f, frame: mi.Matrix3f, spacing: mi.Float, albedo: Callable[[mi.Float], mi.Color3f]
     ) -> mi.Color3f:
-        """Mean of what is mirrored over the part of a texel inside the disk.
+        """Mean of albedo × reflected radiance over the part of a texel inside the disk.
 
-        A texel is as wide as 2/cos θ times its own width in the plane of incidence; a Gaussian of that variance in its
-        place errs by 1 % in relMSE where the light has edges.
+        A texel spans 2/cos θ times its width in directions of the plane of incidence. It is sampled on a regular grid;
+        a Gaussian of the same variance instead has a relMSE of 1 % where the environment has edges.
 
         Parameters
         ----------
         n : mi.Vector3f
-            Unit normal of some point of each texel, in the map's frame.
+            Unit normal of any point of each texel, in the map's frame.
         frame : mi.Matrix3f
             Columns x, y, v of the map's frame.
         spacing : mi.Float
             Distance of neighbouring texels in radii of the disk.
         albedo : callable
-            Cosine of the surface → albedo.
+            cos θ → albedo.
+
+        Returns
+        -------
+        mi.Color3f
+            [W sr⁻¹ m⁻²].
         """
+        # ---- Grid of sample points, and the texel's corner ----
         across, down = self._points(n, spacing)
         corner = mi.Point2f(dr.floor((n.x + 1) / spacing), dr.floor((n.y + 1) / spacing)) * spacing - 1
 
+        # ---- One sample: weight 1 inside the disk, 0 outside ----
         def seen(normal: mi.Vector3f) -> mi.Color3f:
             toward = 2 * normal.z * normal - mi.Vector3f(0, 0, 1)
             return albedo(normal.z) * self.fetch(frame @ toward)
@@ -98,7 +104,8 @@ class DeltaLobe:
             light = seen(mi.Vector3f(x, y, dr.sqrt(dr.maximum(height, 0))))
             return k + 1, total + share * light, weight + share
 
-        middle = seen(n)  # stands in where a sliver of a texel holds none of the points
+        # ---- Mean; `n` itself is the fallback where no sample lies inside the disk ----
+        middle = seen(n)
         _, total, weight = dr.while_loop(
             state=(mi.UInt32(0), _FAINT * middle, mi.Float(_FAINT)),
             cond=lambda k, _total, _weight: k < across * down,
@@ -109,9 +116,9 @@ class DeltaLobe:
         return total / weight
 
     def _points(self, n: mi.Vector3f, spacing: mi.Float) -> tuple[mi.UInt32, mi.UInt32]:
-        """Points of a texel across and down: the more of the sky it shows that way, the more.
+        """Number of sample points of a texel along its width and height, in proportion to the angle it reflects.
 
-        The point p of the disk shows the sky by the metric 4 (1 + p pᵀ/cos² θ).
+        Upper bound 4 (1 + p pᵀ/cos² θ) of the metric from disk to reflected direction; docs/method.md, section 6.3.
         """
         stretch = dr.rcp(dr.square(dr.maximum(n.z, _FLATTEST)))
         head_on = self.fineness * spacing

@@ -1,4 +1,4 @@
-"""Prediction of `rsibr` for whole maps: all glossy lobes from one half-vector pyramid, one lookup a texel."""
+"""Prediction P of `rsibr` for whole maps: all glossy lobes from one half-vector pyramid, one lookup a texel."""
 
 from __future__ import annotations
 
@@ -23,24 +23,25 @@ Array = NDArray[np.float64]
 
 @dataclass(eq=False)
 class HalfVectorLobes:
-    """All lobes of a material under a light, for sphere maps of one resolution.
+    """All lobes of a material under an environment, for sphere maps of one resolution; docs/method.md, eq. 31.
 
     Attributes
     ----------
     light : EnvironmentPyramid
-        Gaussian pyramid of the light.
+        Gaussian pyramid of the environment.
     resolution : int
         Texels a side of the half-vector pyramid's finest level.
     levels : list of CosineTable
-        Weight of each level of the half-vector pyramid; none where no lobe is glossy.
+        Weight of each level of the half-vector pyramid; empty where no lobe is glossy.
     balance : mi.Float
-        Factors on the pyramid's sum; see `half_vector_pyramid.balance`.
+        Factors on the collapsed pyramid; see `half_vector_pyramid.balance`.
     sharp : CosineTable or None
-        Weight and width of what is narrower than the finest level, deltas aside; None where nothing is.
+        Weight and standard deviation of the Gaussians narrower than level 0, delta lobes excepted; None if there are
+        none.
     mirror : (DeltaLobe, CosineTable) or None
-        Delta lobe and its albedo; None where there is none.
+        Delta lobe and its albedo; None if there is none.
     matte : list of (EnvironmentPyramid, CosineTable)
-        Irradiance and albedo of each matte lobe.
+        Irradiance map and albedo of each matte lobe.
     """
 
     light: EnvironmentPyramid
@@ -66,15 +67,15 @@ class HalfVectorLobes:
         Parameters
         ----------
         lobes : list of (LobeShape, ndarray of shape (albedo nodes, 3))
-            Shape and directional albedo of each.
+            Shape and directional albedo of each lobe.
         pyramid, light
-            Gaussian pyramid of the light; and the light itself.
+            Gaussian pyramid of the environment, and the environment itself.
         resolution : int
-            N.
+            Texels a side of the sphere maps, N.
         part : LobeShape, optional
-            The one of `lobes` to take alone; the parts of all add up to the whole.
+            Predict this one of `lobes` only; the parts of all lobes add up to the whole.
         density : float
-            How finely a delta lobe looks; see `DeltaLobe`.
+            Sampling density of a delta lobe: `EXACT` or `ROUGH`, see `DeltaLobe.of`.
         """
         finest = finest_resolution(resolution)
         glossy = [lobe for lobe in lobes if not lobe[0].is_matte and not lobe[0].is_mirror]
@@ -84,7 +85,7 @@ class HalfVectorLobes:
             light=pyramid,
             resolution=finest,
             levels=_tables(weights) if glossy else [],
-            balance=balance(_tables(whole), finest) if glossy else mi.Float(0),  # of all parts, so that they add up
+            balance=balance(_tables(whole), finest) if glossy else mi.Float(0),  # of the whole, so that parts add up
             sharp=CosineTable.of(weights.sharp) if weights.has_sharp else None,
             mirror=(DeltaLobe.of(light, pyramid, density), CosineTable.of(albedo_at_nodes(mirrors[0])))
             if mirrors
@@ -100,13 +101,13 @@ class HalfVectorLobes:
         )
 
     def gathered(self, frame: mi.Matrix3f) -> mi.Float:
-        """Light of all glossy lobes over the half-vector map of `frame`, columns x, y, v; for `radiance`."""
+        """Radiance of all glossy lobes over the half-vector map of `frame`, columns x, y, v; for `radiance`."""
         if not self.levels:
             return mi.Float(0)
         return gathered(frame, self.light, self.levels, self.balance, self.resolution)
 
     def radiance(self, n: mi.Vector3f, frame: mi.Matrix3f, half_vectors: mi.Float, spacing: mi.Float) -> mi.Color3f:
-        """Mean radiance over a texel of a sphere map that the lobes reflect.
+        """Prediction P: mean reflected radiance over a texel of a sphere map; docs/method.md, eq. 31.
 
         Parameters
         ----------
@@ -118,16 +119,25 @@ class HalfVectorLobes:
             From `gathered`.
         spacing : mi.Float
             Distance of neighbouring texels in radii of the disk.
+
+        Returns
+        -------
+        mi.Color3f
+            [W sr⁻¹ m⁻²].
         """
+        # ---- Glossy lobes: one lookup in the collapsed pyramid ----
         radiance = mi.Color3f(0)
         if self.levels:
             radiance += _colour(lookup(half_vectors, self.resolution, half_vector_point(n)))
+        # ---- Matte lobes: irradiance at the normal ----
         world = frame @ n
         for irradiance, albedo in self.matte:
             radiance += _colour(albedo.at(n.z)) * irradiance.fetch(world, mi.UInt32(0))
+        # ---- Delta lobe: mean over the texel ----
         if self.mirror is not None:
             mirrored, share = self.mirror
             radiance += mirrored.mean_over_texel(n, frame, spacing, lambda cosine: _colour(share.at(cosine)))
+        # ---- Sharp part: one anisotropic footprint for all Gaussians narrower than level 0 (section 7.6) ----
         if self.sharp is None:
             return radiance
         weight = self.sharp.at(n.z)

@@ -1,9 +1,11 @@
-"""What a mirror sphere would show of the light, blurred at doubling widths: the light of every lobe at once.
+"""Gaussian pyramid of the reflected environment over half-vectors; one lookup serves all glossy lobes.
 
-For one viewer every facet mirrors one direction. A microfacet lobe is round over the facets, wherever on the sphere it
-sits; so the picture of the mirrored light over the facets, blurred by round Gaussians, holds what each lobe gathers at
-each surface. The levels are weighed and summed from the coarsest to the finest: a texel of a sphere map then needs one
-lookup, however many lobes there are.
+For one viewer every half-vector reflects one direction, so the reflected environment is an image over the half-vector
+map. A microfacet lobe is nearly isotropic over half-vectors, at every surface normal: each lobe is a convolution of
+this one image with isotropic Gaussians. The levels of the pyramid are weighted by surface angle and summed from the
+coarsest to the finest. A texel of a sphere map then takes one bilinear lookup, for any number of lobes.
+
+docs/method.md, section 7, derives the method; equation numbers below are those of that page.
 """
 
 from __future__ import annotations
@@ -20,21 +22,21 @@ from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.rsibr.half_vector_map import angle_per_length, half_vector, half_vector_texels
 
 LEVELS = 5
-"""Images of the pyramid, each with half the texels a side of the last."""
+"""Levels of the pyramid, each with half the texels a side of the previous one."""
 
-_COARSEST = 5, 16  # texels a side of the last level: least, most
+_COARSEST = 5, 16  # texels a side of the coarsest level: minimum, maximum
 _TAPS = 6
-_ADDED = 3.0  # variance of the blur from one level to the next, in texels² of the finer: doubles a width of one texel
-_FIRST = 0.25  # variance of the first level, in its texels²: what each texel was looked up with
-_LOOKUP = 1 / 6  # variance of a bilinear lookup, in texels²
-_LEAST_HEIGHT = 0.01
+_ADDED = 3.0  # variance of the Gaussian that the taps sample, in texels² of the finer level; six taps keep 1.9965 of it
+_FIRST = 0.25  # variance of level 0 in its texels²: blur of the environment lookup of each texel
+_LOOKUP = 1 / 6  # variance of a bilinear lookup (tent filter) in texels²
+_LEAST_HEIGHT = 0.01  # minimum h·v in the width of that lookup
 
 
 def finest_resolution(resolution: int) -> int:
-    """Texels a side of the first level for sphere maps of N×N texels.
+    """Texels a side of level 0 for sphere maps of N×N texels: N/4 as a multiple of 16, in [80, 256].
 
-    A quarter of N, but not below 80 nor above 256, and a multiple of 16: what is narrower than its texels is looked
-    up in the light itself. Finer ones take more time, and were not seen to err less.
+    Gaussians narrower than its texels are looked up in the environment pyramid instead. Higher resolutions were
+    measured to be slower without being more accurate.
     """
     unit: int = 2 ** (LEVELS - 1)
     least, most = _COARSEST
@@ -42,7 +44,7 @@ def finest_resolution(resolution: int) -> int:
 
 
 def level_variances() -> NDArray[np.float64]:
-    """Variance that a lookup in each level amounts to, in texels² of the first level, shape (LEVELS,)."""
+    """Variance V_ℓ of a bilinear lookup in each level, in texels² of level 0, shape (LEVELS,); eq. 24."""
     taps = _taps()
     added = (taps * _offsets() ** 2).sum()
     blurred = _FIRST + added * np.concatenate([[0.0], np.cumsum(4.0 ** np.arange(LEVELS - 1))])
@@ -50,48 +52,53 @@ def level_variances() -> NDArray[np.float64]:
 
 
 def texel_angle(resolution: int, polar_angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angle [rad] between neighbouring texels of a facet map of G×G texels, at a facet's angle from the viewer."""
+    """Angle [rad] between neighbouring texels of a G×G half-vector map at a polar angle [rad] from v; eq. 4."""
     return np.asarray(4 / resolution * np.cos(polar_angle / 2) ** 2)
 
 
 def gathered(
     frame: mi.Matrix3f, light: EnvironmentPyramid, weights: list[CosineTable], balance: mi.Float, resolution: int
 ) -> mi.Float:
-    """Light that the lobes gather, over the facet map of a viewer.
+    """Build and collapse the pyramid: radiance of all glossy lobes over the half-vector map of a viewer.
 
     Parameters
     ----------
     frame : mi.Matrix3f
-        Columns x, y, v: the viewer's frame.
+        Frame of the map, columns x, y, v.
     light : EnvironmentPyramid
-        The light, blurred.
+        Gaussian pyramid of the environment.
     weights : list of CosineTable
-        For each level the weight of its light over the angle of the surface, RGB; and the factor on the radius in the
-        map that leads to where the facets of the level that are seen to shine have their middle.
+        For each level, by cosine of the surface angle: weight g_ℓ (RGB), and the radius factor φ_ℓ that moves the
+        lookup to the centre of the visible lobe (eq. 28).
     balance : mi.Float
-        From `balance` for the same weights and resolution.
+        Factors β from `balance` for the same weights and resolution.
     resolution : int
-        Texels a side of the first level, G; see `finest_resolution`.
+        Texels a side of level 0, G; see `finest_resolution`.
 
     Returns
     -------
     mi.Float
-        RGBA of the map with a border of one texel, flat: Σ weight × light; for `lookup`.
+        RGBA of the half-vector map with a border of one texel, flat, for `lookup`: Σ_ℓ g_ℓ · radiance [W sr⁻¹ m⁻²].
     """
     total = _summed(_mirrored(frame, light, resolution), weights, resolution)
     return _stored(total * dr.gather(mi.Vector4f, balance, dr.arange(mi.UInt32, (resolution + 2) ** 2)))
 
 
 def balance(weights: list[CosineTable], resolution: int) -> mi.Float:
-    """Factors on the texels of a map that make an even light come back as the weights say.
+    """Factors β on the texels of the collapsed map that make a constant environment exact; eq. 30.
 
-    Between the few texels of a coarse level weights that change with the angle are not followed; without the factors up
-    to 5 % of an even light would be lost or won.
+    A coarse level has too few texels to follow weights that change fast with the surface angle. Without the factors
+    the radiance under a constant environment would be off; over six presets the factors lie between 0.92 and 1.15.
+
+    Parameters
+    ----------
+    weights, resolution
+        As in `gathered`.
 
     Returns
     -------
     mi.Float
-        RGBA of the map with its border, flat; A means nothing.
+        RGBA of the map with its border, flat; A is unused.
     """
     p = half_vector_texels(resolution, border=1)
     even = _summed(_stored(mi.Vector4f(dr.maximum(half_vector(p).z, 0))), weights, resolution)
@@ -103,16 +110,21 @@ def balance(weights: list[CosineTable], resolution: int) -> mi.Float:
 
 
 def lookup(texels: mi.Float, resolution: int, p: mi.Point2f) -> mi.Vector4f:
-    """Bilinear lookup in a facet map of G×G texels with a border of one.
+    """Bilinear lookup in a half-vector map of G×G texels with a border of one texel.
 
     Parameters
     ----------
     texels : mi.Float
         RGBA, row-major, flat.
     resolution : int
-        G.
+        Texels a side without the border, G.
     p : mi.Point2f
-        Points of the unit disk.
+        Map points in the unit disk.
+
+    Returns
+    -------
+    mi.Vector4f
+        RGBA.
     """
     stride, cell = resolution + 2, BilinearCell.in_sphere_map(p, 0.5 * resolution)
     corner = cell.corner(stride)
@@ -125,7 +137,7 @@ def lookup(texels: mi.Float, resolution: int, p: mi.Point2f) -> mi.Vector4f:
 
 
 def _summed(finest: mi.Float, weights: list[CosineTable], resolution: int) -> mi.Vector4f:
-    """Weighted sum of the pyramid over the first level `finest`, from the coarsest level down to it."""
+    """Build the pyramid over level 0 (`finest`), and collapse it from the coarsest level to the finest (eq. 29)."""
     levels = [finest]
     for level in range(1, LEVELS):
         levels.append(_halved(levels[-1], resolution >> (level - 1)))
@@ -137,23 +149,25 @@ def _summed(finest: mi.Float, weights: list[CosineTable], resolution: int) -> mi
 
 
 def _mirrored(frame: mi.Matrix3f, light: EnvironmentPyramid, resolution: int) -> mi.Float:
-    """First level: the light that each facet mirrors, weighed by the area that the viewer sees of the facet."""
+    """Level 0: environment reflected by each half-vector, times h·v, with h·v in the fourth channel (eq. 22)."""
     p = half_vector_texels(resolution, border=1)
     h = half_vector(p)
     seen = dr.maximum(h.z, 0)
     direction = frame @ mi.Vector3f(2 * h.z * h.x, 2 * h.z * h.y, 2 * h.z * h.z - 1)
-    # A texel's facets mirror into an ellipse, twice as wide as the texel and 2 cos θ: a disk of equal area
+    # A texel of width δ reflects into an ellipse of 2δ by 2δ h_z. Half the width of the circle of equal area: δ √h_z
     width = angle_per_length(p) * (2 / resolution) * dr.sqrt(dr.maximum(seen, _LEAST_HEIGHT))
     radiance = light.nearest_blurred(direction, width) * seen
     return _stored(mi.Vector4f(radiance.x, radiance.y, radiance.z, seen))
 
 
 def _halved(finer: mi.Float, resolution: int) -> mi.Float:
-    """Next level: blurred to twice the width, at half the texels a side. Beyond the map there is no light."""
+    """Next level: blurred to twice the width, with half the texels a side; zero beyond the map (eq. 23)."""
+    # ---- Place of the first of the 6 × 6 taps in the finer level ----
     side, stride = resolution // 2 + 2, resolution + 2
     index = dr.arange(mi.UInt32, side * side)
     first_row = 2 * mi.Int32(index // side) - _TAPS // 2
     first_column = 2 * mi.Int32(index % side) - _TAPS // 2
+    # ---- Separable kernel, border included ----
     total = mi.Vector4f(0)
     weights = _taps()
     for i, down in enumerate(weights):
@@ -166,7 +180,7 @@ def _halved(finer: mi.Float, resolution: int) -> mi.Float:
 
 
 def _collapsed(level: mi.Float, coarser: mi.Float | None, weight: CosineTable, resolution: int) -> mi.Vector4f:
-    """Light of this level and all coarser ones, each by its weight."""
+    """One step of the collapse: weighted radiance of this level, plus the sum of all coarser ones (eq. 29)."""
     p = within_disk(half_vector_texels(resolution, border=1))
     share = weight.at(half_vector(p).z)
     light = lookup(level, resolution, p * share.w)

@@ -30,31 +30,31 @@ from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe
 from rsibr.methods.rsibr.polar_grid import PolarGrid
 
 WIDE = 0.12
-"""Standard deviation of slopes from which on a Gaussian is gathered at the nodes of the coarse grid."""
+"""Standard deviation of slopes from which a Gaussian counts as wide: integrated at the nodes of the polar grid."""
 
 _POINTS = 192  # of the quadrature over wide Gaussians
-_FILLING = 1.0  # width of a point's blur over the radius of the disk that it stands for
+_FILLING = 1.0  # standard deviation of a point's blur over the radius of a disk of its solid angle
 _Seen = Callable[[ShadingFrame, "mi.Vector3f"], tuple["mi.Vector3f", "mi.Float", "mi.Float", "mi.Float"]]
-"""(surface, facet) → where it reflects the viewer to, its weight, its grazing term, and how it spreads."""
+"""(shading frame, microfacet normal) → reflected direction, weight, Schlick's term, and dω_i/dω_h."""
 
 WideLight = Callable[[ShadingFrame], tuple["mi.Color3f", "mi.Color3f"]]
-"""Surface → weighted light of the wide Gaussians [W sr⁻¹ m⁻²], and its weight."""
+"""Shading frame → weighted radiance of the wide Gaussians [W sr⁻¹ m⁻²], and weight."""
 
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 
 @dataclass(eq=False)
 class QuadratureTable:
-    """A list of three triples a row, on the device: where to look, and with what plain and grazing weight.
+    """Table on the device with three triples a row: a place in slope space, plain weight RGB, grazing weight RGB.
 
     Attributes
     ----------
     values : mi.Float
-        Twelve floats a row, each triple padded to a packet, flat; one row of zeros at least.
+        Twelve floats a row, each triple padded to a packet of four, flat; at least one row (zeros if empty).
     count : mi.UInt32
-        How many rows there are (opaque: lists of other lengths need no other shape).
+        Number of rows. Opaque, so that tables of other lengths share a kernel.
     is_empty : bool
-        Whether there are none.
+        Whether the table has no rows.
     """
 
     values: mi.Float
@@ -77,24 +77,24 @@ class QuadratureTable:
 
 @dataclass(eq=False)
 class LobeIntegral:
-    """Radiance of a lobe over its directional albedo.
+    """Reflection integral of a lobe divided by its directional albedo: P_k/E_k; docs/method.md, eq. 15.
 
     Attributes
     ----------
     light : EnvironmentPyramid
-        The light; of a matte lobe its irradiance, in one level.
+        Gaussian pyramid of the environment; for a matte lobe its irradiance map, in one level.
     mirrored : DeltaLobe or None
-        The light as a delta lobe shows it; None for any other.
+        Reflection of a delta lobe; None for any other.
     is_matte : bool
-        Whether the lobe follows the normal.
+        Whether the lobe depends on the normal alone.
     alpha : mi.Float
-        Roughness that masking and shadowing go by.
+        Roughness α of masking and shadowing.
     narrow : QuadratureTable
-        Narrow Gaussians: (σ, 0, 0) and the weights.
+        Narrow Gaussians: (σ, 0, 0) and weights.
     bare, coated : QuadratureTable
-        Quadrature points of wide Gaussians, on the surface and under a coat: (slope x, slope y, area) and the weights.
+        Quadrature points of wide Gaussians, on the surface and under a coat: (slope x, slope y, area) and weights.
     spreads : mi.Float
-        See `rsibr.methods.rsibr.anisotropic_footprint.spreads_of_lookups`.
+        From `rsibr.methods.rsibr.anisotropic_footprint.tap_spreads`.
     """
 
     light: EnvironmentPyramid
@@ -113,13 +113,13 @@ class LobeIntegral:
         Parameters
         ----------
         shape : LobeShape
-            Its shape.
+            Mixture of Gaussians over slopes.
         pyramid : EnvironmentPyramid
-            The light, blurred.
+            Gaussian pyramid of the environment.
         light : Light
-            The same light, as it is.
+            The environment itself.
         density : float
-            How finely a delta lobe looks; see `DeltaLobe`.
+            Sampling density of a delta lobe: `EXACT` or `ROUGH`, see `DeltaLobe.of`.
         """
         narrow = shape.bare.between(0, WIDE)
         widths = np.stack([narrow.sigmas, *[np.zeros_like(narrow.sigmas)] * 2], axis=1)
@@ -136,23 +136,23 @@ class LobeIntegral:
 
     @property
     def has_grid(self) -> bool:
-        """Whether some of the lobe is gathered at the nodes of the coarse grid."""
+        """Whether the lobe has wide Gaussians, which a map integrates at the nodes of a polar grid."""
         return not (self.bare.is_empty and self.coated.is_empty)
 
     def radiance(self, n: mi.Vector3f, v: mi.Vector3f, wide: WideLight | None = None) -> mi.Color3f:
-        """Radiance toward `v` from surfaces with normal `n`, over the lobe's albedo.
+        """Radiance toward `v` from surfaces with normal `n`, divided by the lobe's albedo.
 
         Parameters
         ----------
         n, v : mi.Vector3f
             Unit vectors in world coordinates, one pair a lane.
         wide : callable, optional
-            Gives light and weight of the wide Gaussians, such as `ViewNodes.lookup`; by default their quadrature.
+            Weighted radiance and weight of the wide Gaussians, such as `ViewNodes.lookup`; by default by quadrature.
 
         Returns
         -------
         mi.Color3f
-            [W sr⁻¹ m⁻²]; under a constant light that light's radiance.
+            P_k/E_k [W sr⁻¹ m⁻²]. Under a constant environment it is the environment's radiance.
         """
         if self.is_matte:
             return self.light.fetch(n, mi.UInt32(0))
@@ -163,7 +163,7 @@ class LobeIntegral:
         return _ratio(_sum(narrow, wide(shading) if wide else self.wide_light(shading)))
 
     def grid(self, frame: mi.Matrix3f) -> PolarGrid:
-        """Gather the wide part of the lobe at the nodes of a grid over the map of `frame`, columns x, y, v."""
+        """Integrate the wide Gaussians at the nodes of a polar grid over the map with `frame`, columns x, y, v."""
         n = frame @ PolarGrid.normals()
         v = mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2])
         light, weight = self.wide_light(ShadingFrame.of(n, v))
@@ -172,7 +172,7 @@ class LobeIntegral:
     def radiance_in_map(
         self, n: mi.Vector3f, frame: mi.Matrix3f, grid: PolarGrid | None, spacing: mi.Float
     ) -> mi.Color3f:
-        """Mean radiance over a texel of a sphere map, over the lobe's albedo.
+        """Mean radiance over a texel of a sphere map, divided by the lobe's albedo.
 
         Parameters
         ----------
@@ -181,9 +181,14 @@ class LobeIntegral:
         frame : mi.Matrix3f
             Columns x, y, v of the map's frame.
         grid : PolarGrid or None
-            The wide part, from `grid`; None for a lobe that has none.
+            Wide part, from `grid`; None for a lobe without wide Gaussians.
         spacing : mi.Float
-            Distance of neighbouring texels in radii of the disk: a texel sees the facets of all its normals.
+            Distance of neighbouring texels in radii of the disk; see `AnisotropicFootprint.of`.
+
+        Returns
+        -------
+        mi.Color3f
+            P_k/E_k [W sr⁻¹ m⁻²].
         """
         if self.is_matte:
             return self.light.fetch(frame @ n, mi.UInt32(0))
@@ -194,7 +199,7 @@ class LobeIntegral:
         return _ratio(gathered if grid is None else _sum(gathered, grid.lookup(n)))
 
     def _gathered_narrow(self, shading: ShadingFrame, spacing: mi.Float) -> tuple[mi.Color3f, mi.Color3f]:
-        """Light and weight of the narrow Gaussians, gathered along the plane of incidence."""
+        """Weighted radiance and weight of the narrow Gaussians over their footprints; docs/method.md, section 6.1."""
 
         def gather(i: mi.UInt32, light: mi.Color3f, weight: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f, mi.Color3f]:
             sigma, plain, grazing = self.narrow.row(i)
@@ -216,7 +221,7 @@ class LobeIntegral:
         return light, weight
 
     def wide_light(self, shading: ShadingFrame) -> tuple[mi.Color3f, mi.Color3f]:
-        """Light and weight of the wide Gaussians, by quadrature over slopes."""
+        """Weighted radiance [W sr⁻¹ m⁻²] and weight of the wide Gaussians by quadrature; docs/method.md, eq. 21."""
         return _sum(
             self._quadrature(shading, self.bare, self._bare), self._quadrature(shading, self.coated, self._coated)
         )
@@ -227,7 +232,7 @@ class LobeIntegral:
             facet = dr.normalize(mi.Vector3f(slope.x, slope.y, 1))
             w, factor, grazed, stretch = seen(shading, facet)
             colour = factor * (plain + grazing * grazed)
-            solid_angle = stretch * facet.z * facet.z * facet.z * slope.z
+            solid_angle = stretch * facet.z * facet.z * facet.z * slope.z  # eq. 21: dω_h = cos³ θ_h dm
             width = dr.sqrt(solid_angle) * (_FILLING / np.sqrt(np.pi))
             return i + 1, light + colour * self.light.blurred(shading.to_world(w), width), weight + colour
 
@@ -241,27 +246,29 @@ class LobeIntegral:
         return light, weight
 
     def _bare(self, shading: ShadingFrame, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
-        """Where a facet on the surface reflects the viewer to, its weight, its grazing term, and how it spreads."""
+        """See `_Seen`, for a microfacet on the surface: dω_i/dω_h = 4 (h·v), docs/method.md, eq. 12."""
         w, factor, grazed = self._reflected(shading.v, facet)
         return w, factor, grazed, 4 * dr.maximum(dr.dot(facet, shading.v), 1e-3)
 
     def _coated(self, shading: ShadingFrame, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
-        """The same for a facet under the coat; light that is reflected totally does not leave it."""
+        """See `_Seen`, for a microfacet under the coat; docs/method.md, eqs. 14 and 16."""
+        # ---- Refract the viewer into the coat, reflect, refract out; zero under total internal reflection ----
         inner_v = under_coat(shading.v)
         inner, factor, _ = self._reflected(inner_v, facet)
         x, y, height_squared = emerging(inner.x, inner.y, COAT_IOR)
         w = mi.Vector3f(x, y, dr.sqrt(dr.maximum(height_squared, 1e-6)))
+        # ---- Transmittance in and out; cos θ_o/cos θ_o' makes the weight commensurable with bare microfacets ----
         factor = dr.select(
             height_squared > 0, factor * transmitted(w.z) * transmitted(shading.cosine) * shading.cosine / inner_v.z, 0
         )
+        # ---- Solid angle: eq. 21, refraction out of the coat included ----
         bent = COAT_IOR * COAT_IOR * dr.maximum(inner.z, 0) / w.z
         return w, factor, mi.Float(0), 4 * dr.maximum(dr.dot(facet, inner_v), 1e-3) * bent
 
     def _reflected(self, v: mi.Vector3f, facet: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
-        """Where a facet reflects `v` to, what share of its light is seen, and Schlick's grazing term.
+        """Reflect `v` at a microfacet: direction, weight w(h) = G₂ (h·v)/cos θ_h, and Schlick's term (1 − h·v)⁵.
 
-        f cos θ_i dω_i over the slopes: F G₂ (h·v)/(cos θ_o cos θ_h) times the density of slopes. The factor 1/cos θ_o
-        is left out.
+        docs/method.md, eqs. 13 and 16. The factor 1/cos θ_o of eq. 13 cancels in the ratio of eq. 15.
         """
         toward = dr.dot(facet, v)
         w = 2 * toward * facet - v
@@ -272,14 +279,19 @@ class LobeIntegral:
 
 
 def _quadrature(gaussians: Gaussians) -> QuadratureTable:
-    """Points on a sunflower spiral over the mixture, each with the area of slopes that it stands for."""
+    """Quadrature points on a sunflower spiral, distributed like the mixture, each with its area in slope space.
+
+    docs/method.md, section 6.2.
+    """
     sigmas, energy = gaussians.sigmas, (gaussians.plain + gaussians.grazing).sum(axis=1)
     if not len(sigmas):
         return QuadratureTable.of(*[np.zeros((0, 3))] * 3)
+    # ---- Radii at the quantiles of the mixture's radial distribution, azimuths by the golden angle ----
     radii = np.concatenate([[0.0], np.geomspace(1e-4, 8.0, 4000)])
     within = (energy * -np.expm1(-0.5 * (radii[:, None] / sigmas) ** 2)).sum(axis=1) / energy.sum()
     radius = np.interp((np.arange(_POINTS) + 0.5) / _POINTS * within[-1], within, radii)
     angle = np.arange(_POINTS) * _GOLDEN_ANGLE
+    # ---- Area of a point: 1/(M · density of the mixture) ----
     density = np.exp(-0.5 * (radius[:, None] / sigmas) ** 2) / (2 * np.pi * sigmas**2)
     area = 1 / (_POINTS * (density @ energy) / energy.sum())
     places = np.stack([radius * np.cos(angle), radius * np.sin(angle), area], axis=1)

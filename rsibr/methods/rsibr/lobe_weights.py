@@ -1,4 +1,7 @@
-"""Shares the Gaussians of all lobes out among the levels of a facet pyramid, for each angle of the surface."""
+"""Weights of the levels of a half-vector pyramid by surface angle, from the Gaussians of all lobes.
+
+Equation numbers are those of docs/method.md, section 7.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +21,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LobeWeights:
-    """Weights at the angles of `rsibr.lobes.facet_moments.cosines`.
+    """Weights at the nodes `rsibr.lobes.facet_moments.cosines`.
 
     Attributes
     ----------
     levels : ndarray, shape (LEVELS, NODES, 4)
-        Weight of each level in each channel, and the factor on the radius in the facet map; see
-        `facet_pyramid.gathered`.
+        Weight g_ℓ of each level (RGB), and radius factor φ_ℓ in the half-vector map; see
+        `half_vector_pyramid.gathered`.
     sharp : ndarray, shape (NODES, 4)
-        Weight of what is narrower than the first level, and its width [rad].
+        Weight of the sharp part (RGB), the Gaussians narrower than level 0, and its standard deviation [rad].
     """
 
     levels: Array
@@ -34,12 +37,12 @@ class LobeWeights:
 
     @property
     def has_sharp(self) -> bool:
-        """Whether anything is narrower than the first level."""
+        """Whether any Gaussian is narrower than level 0."""
         return bool(self.sharp[:, :3].any())
 
 
 def albedo_at_nodes(albedo: Array) -> Array:
-    """A table of directional albedo (`rsibr.lobes.albedo`) at the angles of the weights, shape (NODES, 3)."""
+    """Resample a table of directional albedo (`rsibr.lobes.albedo`) to the nodes of the weights, shape (NODES, 3)."""
     place = np.sqrt(cosines())
     return np.stack([np.interp(place, np.sqrt(node_cosines()), channel) for channel in albedo.T], axis=1)
 
@@ -47,23 +50,24 @@ def albedo_at_nodes(albedo: Array) -> Array:
 def lobe_weights(
     lobes: Sequence[tuple[LobeShape, Array]], resolution: int, part: LobeShape | None = None
 ) -> LobeWeights:
-    """Weights of glossy lobes.
+    """Distribute the Gaussians of glossy lobes over the levels of the pyramid.
 
     Parameters
     ----------
     lobes : sequence of (LobeShape, ndarray of shape (albedo nodes, 3))
-        Each lobe's shape and directional albedo: at each angle its Gaussians' weights add up to that.
+        Shape and directional albedo of each lobe; at each angle the weights of its Gaussians add up to the albedo.
     resolution : int
-        Texels a side of the first level.
+        Texels a side of level 0.
     part : LobeShape, optional
-        The one of `lobes` whose share of the weights is wanted, at the places that all have in common.
+        Return the weights of this one of `lobes` only, with the radius factors of all of them.
 
     Returns
     -------
     LobeWeights
-        A Gaussian whose width lies between those of two levels is mixed from both, so that its variance is right; one
-        that is narrower than the first level from that and the sharp part.
+        A Gaussian between two levels is mixed from both so that its variance is preserved (eq. 27); one narrower than
+        level 0 is mixed from level 0 and the sharp part.
     """
+    # ---- Accumulate weights, energy, lean and variance over the Gaussians of all lobes ----
     angle = np.arccos(cosines())
     spacing = texel_angle(resolution, angle)
     weights = np.zeros((LEVELS + 1, NODES, 3))
@@ -76,6 +80,7 @@ def lobe_weights(
             energy += carried
             leans += carried * moments.lean
             variances += carried[-1] * moments.width**2
+    # ---- Radius factors from the mean lean of each level (eq. 28), width of the sharp part ----
     energy = np.maximum(energy, 1e-30)
     factors = _radius_factors(angle, leans / energy)
     levels = np.concatenate([weights, factors[..., None]], axis=-1)[:LEVELS]
@@ -84,12 +89,13 @@ def lobe_weights(
 
 
 def _normalized(moments: list[FacetMoments], albedo: Array) -> list[tuple[FacetMoments, Array]]:
+    """Scale the energies of a lobe's Gaussians so that they add up to its albedo."""
     total = np.maximum(sum((m.weight for m in moments), start=np.zeros((NODES, 3))), 1e-30)
     return [(m, m.weight / total * albedo) for m in moments]
 
 
 def _shares(variance: Array) -> Array:
-    """Share of each level, and of the sharp part behind them, in a Gaussian; `variance` in texels² of the first level.
+    """Share of each level, then of the sharp part, in a Gaussian; eq. 27. `variance` is in texels² of level 0.
 
     Shape (LEVELS + 1, NODES).
     """
@@ -107,7 +113,7 @@ def _shares(variance: Array) -> Array:
 
 
 def _radius_factors(angle: Array, lean: Array) -> Array:
-    """Radius in the facet map of a facet that leans toward the viewer, over that of the surface's normal."""
+    """Radius factor φ: radius in the half-vector map of the leaning lobe's centre over that of the normal; eq. 28."""
     leaning = np.tan(np.clip(angle - lean, 0, np.pi / 2) / 2)
     upright = np.tan(angle / 2)
     return np.where(upright > 1e-6, leaning / np.maximum(upright, 1e-6), 1.0)

@@ -1,4 +1,4 @@
-"""A coarse grid over a sphere map, even in the angle of the surface and so finer toward the rim, like the mesh."""
+"""Coarse polar grid of normals over a sphere map, even in θ: denser toward the rim in the map, like the disk mesh."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import mitsuba as mi
 import numpy as np
 
 RINGS = 16
-"""Steps from the middle to the rim: 3.75° of the normal."""
+"""Rings from the centre to the rim, 5.625° of the normal apart."""
 
 SECTORS = 48
-
+"""Nodes a ring, 7.5° of azimuth apart."""
 
 NODES = (RINGS + 1) * SECTORS
-"""Nodes of a grid; ring 0 is the middle, and each ring has `SECTORS` of them."""
+"""Nodes of a grid; ring 0 is the centre, with `SECTORS` coincident nodes."""
 
 _V = TypeVar("_V")
 
@@ -30,15 +30,21 @@ def node_normals(index: mi.UInt32) -> mi.Vector3f:
 
 
 def interpolated(n: mi.Vector3f, *fetches: Callable[[mi.UInt32], _V]) -> list[_V]:
-    """Values at normals in the map's frame, bilinear in angle and azimuth.
+    """Interpolate node values at normals in the map's frame, bilinearly in polar angle and azimuth.
 
     Parameters
     ----------
     n : mi.Vector3f
         Unit normals, z ≥ 0.
     *fetches : callable
-        Index of a node → its value; one for each value wanted.
+        Index of a node → its value; one callable for each quantity.
+
+    Returns
+    -------
+    list
+        Interpolated value of each quantity.
     """
+    # ---- Cell of the grid and position in it ----
     angle = dr.asin(dr.minimum(dr.sqrt(n.x * n.x + n.y * n.y), 1)) * (2 / np.pi * RINGS)
     azimuth = dr.atan2(n.y, n.x) * (SECTORS / (2 * np.pi))
     turn = dr.select(azimuth < 0, azimuth + SECTORS, azimuth)
@@ -46,6 +52,7 @@ def interpolated(n: mi.Vector3f, *fetches: Callable[[mi.UInt32], _V]) -> list[_V
     outward, around = angle - mi.Float(ring), turn - mi.Float(sector)
     following = dr.select(sector + 1 == SECTORS, 0, sector + 1)
 
+    # ---- Bilinear interpolation ----
     def between(fetch: Callable[[mi.UInt32], _V]) -> _V:
         def along(ring: mi.UInt32) -> _V:
             value: _V = dr.lerp(fetch(ring * SECTORS + sector), fetch(ring * SECTORS + following), around)
@@ -59,12 +66,12 @@ def interpolated(n: mi.Vector3f, *fetches: Callable[[mi.UInt32], _V]) -> list[_V
 
 @dataclass(eq=False)
 class PolarGrid:
-    """Light gathered at the nodes over one map, with its weight.
+    """Weighted radiance and weight of wide Gaussians at the nodes of one map.
 
     Attributes
     ----------
     nodes : mi.Float
-        Light and weight at each node, RGB both: (light, weight red), (weight green, weight blue, 0, 0), flat.
+        Two packets of four floats a node, flat: (radiance RGB, weight R), (weight G, weight B, 0, 0).
     """
 
     nodes: mi.Float
@@ -76,7 +83,7 @@ class PolarGrid:
 
     @classmethod
     def of(cls, light: mi.Color3f, weight: mi.Color3f) -> PolarGrid:
-        """Store what was gathered at `normals`."""
+        """Store weighted radiance [W sr⁻¹ m⁻²] and weight, one node of `normals` a lane."""
         first = mi.Vector4f(light.x, light.y, light.z, weight.x)
         second = mi.Vector4f(weight.y, weight.z, 0, 0)
         nodes = dr.empty(mi.Float, 8 * NODES)
@@ -86,7 +93,7 @@ class PolarGrid:
         return cls(nodes)
 
     def lookup(self, n: mi.Vector3f) -> tuple[mi.Color3f, mi.Color3f]:
-        """Light and weight at normals in the map's frame."""
+        """Weighted radiance [W sr⁻¹ m⁻²] and weight at normals in the map's frame."""
         first, second = interpolated(
             n,
             lambda node: dr.gather(mi.Vector4f, self.nodes, 2 * node),

@@ -1,8 +1,9 @@
-"""Prediction P plus the warped residual (stored − P): what `rsibr` and `rsibr-fine` have in common.
+"""Prediction P plus the warped residual (stored − P); the base of `rsibr` and `rsibr-fine`.
 
-L(n, v) ≈ P(n, v) + E(θ) · Σ (weighted residuals of the stored views over E), see `residual_transport.py`, with the
-directional albedo E of the whole material. `rsibr-fine` integrates P lobe by lobe, `rsibr` takes it from one
-half-vector pyramid for the whole map.
+P is a control variate: L(n, v) = P(n, v) + E(cos θ) · (weighted mean of the residuals R_i of the stored views), with
+R_i = (S_i − P_i)/E and the directional albedo E of the whole material (docs/method.md, eqs. 32 and 33;
+`residual_transport.py`). `rsibr-fine` integrates P lobe by lobe; `rsibr` takes it from one half-vector pyramid for the
+whole map.
 """
 
 from __future__ import annotations
@@ -37,17 +38,17 @@ from rsibr.methods.warp_blend.warp_blend import WarpBlend
 
 @dataclass(eq=False, repr=False)
 class ResidualMethod(WarpBlend):
-    """A prediction P of all lobes, and the residuals of the stored maps.
+    """Prediction P of all lobes plus the warped residuals of the stored maps.
 
     Attributes
     ----------
     albedo : LobeAlbedo
-        Directional albedo E of the whole material; `sources` holds the residuals over it.
+        Directional albedo E of the whole material; `sources` holds the residuals divided by it.
     uses_maps : bool
-        Whether the residuals are added; without them the method is P alone.
+        Whether residuals are added; without them the result is P.
     keeps_negatives : bool
-        Whether negative radiance is kept and residuals are not clamped: in one lobe's part of a sum, for only so do the
-        parts add up, and in spectral maps, where a colour outside Rec.709 is right.
+        Whether negative radiance is kept and residuals are not clamped. Needed for the part of a single lobe, so that
+        the parts of all lobes add up, and in spectral maps, where colours outside Rec.709 are legitimate.
     """
 
     albedo: LobeAlbedo = field(kw_only=True)
@@ -56,12 +57,12 @@ class ResidualMethod(WarpBlend):
 
     def image(self, columns: mi.Float, resolution: int) -> mi.Float:
         """Texels of a map; see `WarpBlend.image`."""
-        # What a map shares: the stored views around it, and tables of the prediction
+        # ---- Once a map: stored views and warps, tables of the prediction ----
         frame = frame_from(columns)
         toward = self._toward(frame) if self.uses_maps else None
         tables = self._map_tables(frame, resolution)
         dr.eval(frame, toward, tables)
-        # Its texels
+        # ---- Each texel: prediction at the middle of its covered part, residual at its centre (section 8.4) ----
         texel = tiled_texels(resolution)
         p = texel_centre(texel, resolution)
 
@@ -71,6 +72,7 @@ class ResidualMethod(WarpBlend):
                 radiance += self._residual(toward, n, self.albedo.at(middle.z), radiance)
             return as_rgba(self._finished(radiance))
 
+        # ---- Skip texels outside the disk ----
         inside = touches_disk(p, resolution)
         normals = normal_from_disk(p), normal_from_disk(covered_middle(p, resolution))
         radiance = dr.if_stmt(normals, inside, shaded, lambda _n, _middle: mi.Vector4f(0))
@@ -87,19 +89,19 @@ class ResidualMethod(WarpBlend):
         return self._finished(radiance)
 
     def residual_of(self, radiance: NDArray[np.float32], frame: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Residual of a stored map over the albedo: (S − P)/E.
+        """Residual of a stored map divided by the albedo: (S − P)/E; docs/method.md, eq. 32.
 
         Parameters
         ----------
         radiance : ndarray, shape (N, N, 3)
-            The map S [W sr⁻¹ m⁻²].
+            Stored map S [W sr⁻¹ m⁻²].
         frame : ndarray, shape (3, 3)
             Its frame, columns x, y, v.
 
         Returns
         -------
         ndarray, shape (N, N, 3), float32
-            Texels outside the disk mean nothing.
+            [W sr⁻¹ m⁻²]; values of texels outside the disk are undefined.
         """
         resolution = len(radiance)
         self._prepare(resolution)
@@ -122,32 +124,32 @@ class ResidualMethod(WarpBlend):
         return radiance if self.keeps_negatives else dr.maximum(radiance, 0)
 
     def _map_tables(self, frame: mi.Matrix3f, resolution: int) -> Any:
-        """Arrays that the prediction of a whole map is looked up in, not yet evaluated."""
+        """Return the arrays in which the prediction of a map is looked up, not yet evaluated."""
         raise NotImplementedError
 
     def _predicted(self, n: mi.Vector3f, frame: mi.Matrix3f, tables: Any, resolution: int) -> mi.Color3f:
-        """Radiance predicted for texels with the normals `n` in the map's frame."""
+        """Prediction P [W sr⁻¹ m⁻²] for texels with normals `n` in the map's frame."""
         raise NotImplementedError
 
     def _predicted_at(self, n: mi.Vector3f, v: mi.Vector3f, cosine: mi.Float) -> mi.Color3f:
-        """Radiance predicted for single pairs of normal and view in world coordinates, with cos θ."""
+        """Prediction P [W sr⁻¹ m⁻²] for pairs of normal and view in world coordinates; `cosine` is n·v."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class ResidualOptions:
-    """What of a bake a method with residuals is made from.
+    """Options of a method with residuals.
 
     Attributes
     ----------
     inputs : MethodInputs
-        The bake.
+        Maps, environment and lobes of the bake.
     uses_maps : bool or None
-        Whether residuals are added; None: unless the bake holds one map alone.
+        Whether residuals are added; None: added unless the bake holds a single map.
     lobe : str or None
-        Only this lobe's part: its prediction, and the residual of its own layer from the views that have one. All of it
-        is linear, so the parts of all lobes add up to the method where nothing is clamped and every view keeps all
-        lobes apart. A part may be negative.
+        Reconstruct this lobe's part only: its prediction, and the residual of its own layer from the views that store
+        one. The method is linear, so the parts of all lobes add up to the whole where nothing is clamped and every
+        view stores all lobes. A part may be negative.
     """
 
     inputs: MethodInputs
@@ -161,11 +163,11 @@ class ResidualOptions:
 
     @property
     def mirror_density(self) -> float:
-        """How finely a delta lobe samples the light: exactly where no residual mends it; see `DeltaLobe`."""
+        """Sampling density of a delta lobe: `EXACT` where no residual corrects it, otherwise `ROUGH`."""
         return ROUGH if self.carries else EXACT
 
     def __str__(self) -> str:
-        """Name what differs from the method as it is."""
+        """Return the suffix of the method's name: `/lobe` for a single lobe."""
         return f"/{self.lobe}" if self.lobe else ""
 
 
@@ -173,16 +175,16 @@ _M = TypeVar("_M", bound=ResidualMethod)
 
 
 def residual_method(kind: type[_M], name: str, options: ResidualOptions, weights: str, **own: Any) -> _M:
-    """Make a method of the class `kind`, and its residuals where it uses them.
+    """Make a method of class `kind`, and compute its residuals where it uses them.
 
     Parameters
     ----------
     kind : type
         Class of the method.
     name : str
-        Its name.
+        Name of the method.
     options : ResidualOptions
-        What it is made from.
+        Bake, and the options of the method.
     weights : str
         Barycentric weights of the residuals, one of `WEIGHTS`.
     **own

@@ -10,35 +10,35 @@ from rsibr.methods.warp_blend.source_maps import SourceMaps
 from rsibr.methods.warp_blend.warp import Warp
 
 BRIGHTEST = 1.0
-"""Residual over prediction that is kept where all stored views are far; the nearer one is, the more is kept."""
+"""Upper bound of residual over prediction far from all stored views; it grows as 1/(1 − w) toward a stored view."""
 
 _LEAST_COSINE = 1e-6
-_AT_A_STORED_VIEW = 1e-4  # its weight from 1
+_AT_A_STORED_VIEW = 1e-4  # 1 − w below which a view counts as stored
 
 
 def warped_residual(sources: SourceMaps, mixture: Mixture, warps: list[Warp], n: mi.Vector3f) -> mi.Color3f:
     """Σ_i w_i c_i² ρ_i² R_i(p_i) / Σ_i w_i c_i² at the surface normal `n` of the new view.
 
-    A residual R_i = (S_i − P_i)/E has the weight of its view, times c_i², with the cosine c_i under which that view saw
-    the surface. It is damped by ρ_i², with the overlap ρ_i = min(c_i, c_d)/max(c_i, c_d) of the two footprints: an
-    error of P at one angle says less about another, the more the two differ. At a stored view nothing is damped: the
-    method is exact there, whatever P is.
+    A residual R_i = (S_i − P_i)/E is weighted by w_i c_i²: the weight w_i of its view and the cosine c_i of the surface
+    in that view. It is damped by ρ_i², with the overlap ρ_i = min(c_i, cos θ)/max(c_i, cos θ) of the two footprints,
+    because an error of P at one angle predicts the error at another angle less, the more the two differ. At a stored
+    view ρ_i = 1, and the result is the stored map for any P. See docs/method.md, eq. 33.
 
     Parameters
     ----------
     sources : SourceMaps
-        Residuals over the albedo.
+        Residuals divided by the albedo.
     mixture : Mixture
         Stored views and their weights.
     warps : list of Warp
-        To each of them.
+        Warp to each of them.
     n : mi.Vector3f
         Unit normals in the new view's frame.
 
     Returns
     -------
     mi.Color3f
-        The residual over the albedo [W sr⁻¹ m⁻²].
+        Weighted residual divided by the albedo [W sr⁻¹ m⁻²].
     """
     residual, total = mi.Color3f(0), mi.Float(0)
     here = dr.maximum(n.z, _LEAST_COSINE)
@@ -53,22 +53,23 @@ def warped_residual(sources: SourceMaps, mixture: Mixture, warps: list[Warp], n:
 
 
 def clamped(residual: mi.Color3f, predicted: mi.Color3f, mixture: Mixture) -> mi.Color3f:
-    """Clamp a residual to a multiple of the prediction.
+    """Clamp a residual to a multiple of the prediction; docs/method.md, eq. 34.
 
-    A texel near a stored map's rim averages over much of the sky. Warped to a texel that sees only a dark part of it,
-    an unclamped residual can exceed the local radiance by 100×. At a stored view nothing is clamped.
+    A texel near the rim of a stored map averages over a large part of the environment. Warped to a texel that reflects
+    only a dark part of it, an unclamped residual can exceed the local radiance by 100×. At a stored view nothing is
+    clamped.
 
     Parameters
     ----------
     residual, predicted : mi.Color3f
-        What is added, and what it is added to [W sr⁻¹ m⁻²].
+        Residual times albedo, and prediction P [W sr⁻¹ m⁻²].
     mixture : Mixture
         Stored views and their weights.
 
     Returns
     -------
     mi.Color3f
-        The residual, no brighter than `BRIGHTEST`/(1 − w) times the prediction, with the greatest weight w.
+        Residual, at most `BRIGHTEST`/(1 − w) times the prediction, with the largest weight w.
     """
     nearest = mixture.weights[0]
     for weight in mixture.weights[1:]:

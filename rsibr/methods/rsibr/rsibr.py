@@ -1,4 +1,4 @@
-"""`rsibr`: prediction from a half-vector pyramid for whole maps, from view nodes for single points, plus residuals."""
+"""`rsibr`: prediction P from a half-vector pyramid (maps) or view nodes (single points), plus warped residuals."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ from rsibr.methods.rsibr.view_nodes import ViewNodes
 
 @dataclass(eq=False, repr=False)
 class RsibrPoints(RsibrFine):
-    """`rsibr` for single pairs of normal and view: wide parts of the lobes from view nodes, narrow parts per point.
+    """`rsibr` for single pairs of normal and view: wide Gaussians from view nodes, narrow ones integrated per point.
 
-    Its residuals are those of `rsibr-fine`, of means over texels as the stored maps hold them.
+    The residuals are those of `rsibr-fine`, which predicts means over texels, as the stored maps hold them
+    (docs/method.md, section 9).
 
     Attributes
     ----------
     nodes : list of (ViewNodes or None)
-        Wide part of each of `lobes`, tabulated; None where it has none.
+        Tabulated wide part of each of `lobes`; None for a lobe without wide Gaussians.
     """
 
     nodes: list[ViewNodes | None] = field(default_factory=list)
@@ -40,14 +41,14 @@ class RsibrPoints(RsibrFine):
 
 @dataclass(eq=False, repr=False)
 class Rsibr(ResidualMethod):
-    """Prediction from one half-vector pyramid for all texels of a map.
+    """Prediction P from one half-vector pyramid for all texels of a map, plus residuals.
 
     Attributes
     ----------
     prefilter : callable
-        Resolution of a map → the lobes, prepared for it.
+        Resolution of a map → lobes prepared for that resolution.
     points : callable
-        Makes the evaluation of single points, when it is first asked for.
+        Makes the method for single points; called at the first `eval`.
     """
 
     prefilter: Callable[[int], HalfVectorLobes] = field(kw_only=True)
@@ -56,7 +57,7 @@ class Rsibr(ResidualMethod):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._points: RsibrPoints | None = None  # no field: recorded kernels of maps do not read it
+        self._points: RsibrPoints | None = None  # not a field: the recorded kernels of maps do not depend on it
 
     @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
@@ -80,7 +81,7 @@ class Rsibr(ResidualMethod):
 
 @register(
     "rsibr",
-    summary="ours: all lobes predicted from the light, plus the warped residuals of the stored maps",
+    summary="prediction of all lobes from the environment, plus warped residuals of the stored maps",
     needs=Needs(light=True, lobes=True),
     role="default",
     rank=50,
@@ -88,12 +89,12 @@ class Rsibr(ResidualMethod):
 def rsibr(
     inputs: MethodInputs, *, weights: str = "gnomonic", uses_maps: bool | None = None, lobe: str | None = None
 ) -> Rsibr:
-    """Make the method.
+    """Make the method `rsibr`.
 
     Parameters
     ----------
     inputs : MethodInputs
-        Maps, light and lobes of a bake.
+        Maps, environment and lobes of a bake.
     weights : str
         Barycentric weights of the residuals, one of `WEIGHTS`.
     uses_maps, lobe

@@ -1,4 +1,4 @@
-"""`rsibr-fine`: the reflection integral of each lobe where it is needed. More accurate and slower than `rsibr`."""
+"""`rsibr-fine`: prediction P integrated per lobe and texel, plus residuals; slower, more accurate than `rsibr`."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from rsibr.methods.rsibr.residual_method import ResidualMethod, ResidualOptions,
 
 @dataclass(eq=False, repr=False)
 class RsibrFine(ResidualMethod):
-    """Prediction by integrating each lobe, with as many lookups as its shape asks for.
+    """Prediction P = Σ_k E_k P_k/E_k with the reflection integral of each lobe; docs/method.md, section 6.
 
     Attributes
     ----------
     lobes : list of (LobeIntegral, LobeAlbedo)
-        Reflection integral of each lobe, and its directional albedo.
+        Reflection integral P_k/E_k of each lobe, and its directional albedo E_k.
     """
 
     lobes: list[tuple[LobeIntegral, LobeAlbedo]] = field(default_factory=list)
@@ -47,19 +47,19 @@ class RsibrFine(ResidualMethod):
 
 @register(
     "rsibr-fine",
-    summary="ours with every lobe integrated per texel: more accurate, many times slower",
+    summary="rsibr with every lobe integrated per texel: more accurate, many times slower",
     needs=Needs(light=True, lobes=True),
     rank=60,
 )
 def rsibr_fine(
     inputs: MethodInputs, *, weights: str = "gnomonic", uses_maps: bool | None = None, lobe: str | None = None
 ) -> RsibrFine:
-    """Make the method.
+    """Make the method `rsibr-fine`.
 
     Parameters
     ----------
     inputs : MethodInputs
-        Maps, light and lobes of a bake.
+        Maps, environment and lobes of a bake.
     weights : str
         Barycentric weights of the residuals, one of `WEIGHTS`.
     uses_maps, lobe
@@ -70,7 +70,7 @@ def rsibr_fine(
 
 
 def lobe_integrals(options: ResidualOptions) -> list[tuple[LobeIntegral, LobeAlbedo]]:
-    """Reflection integral and albedo of each lobe, or of the one that the options name."""
+    """Reflection integral and directional albedo of each lobe, or only of `options.lobe` where that is set."""
     inputs, density = options.inputs, options.mirror_density
     chosen = [inputs.shapes[options.lobe]] if options.lobe else list(inputs.shapes.values())
     return [

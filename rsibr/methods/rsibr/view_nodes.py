@@ -1,10 +1,10 @@
-"""Wide parts of a lobe, integrated once at nodes over the sphere of views: what `rsibr` evaluates single points with.
+"""Table of the wide Gaussians of a lobe over normals and views; `rsibr` uses it to evaluate single points.
 
-The quadrature over a wide Gaussian takes most of the time of `rsibr-fine`, and its result varies slowly with normal and
-view. So it is tabulated: for each of 162 views, an icosphere's, on a polar grid of normals. A pair (n, v) is looked up
-in the three nodes around v, each at the normal that mirrors that node's view into the same direction, and blended by
-gnomonic weights. What is tabulated is the mean light, light over weight; the weight itself depends on the angle between
-normal and view alone and has a table of its own.
+The quadrature over wide Gaussians takes most of the time of `rsibr-fine`, and its result varies slowly with normal and
+view. It is therefore tabulated for 162 views (the vertices of an icosphere) on a polar grid of normals. A pair (n, v)
+is looked up at the three nodes around v, each at the normal that mirrors the node's view into the same direction, and
+blended by gnomonic weights. The table holds the mean radiance, that is weighted radiance over weight. The weight
+depends on the angle between normal and view alone and has its own table. See docs/method.md, section 9.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from rsibr.methods.rsibr.lobe_integral import LobeIntegral
 from rsibr.methods.rsibr.polar_grid import NODES, interpolated, node_normals
 
 SUBDIVISION = 2
-"""Of the icosphere of view nodes: 162 of them, 18° apart."""
+"""Subdivision of the icosphere of view nodes: 162 nodes, 16° to 19° apart."""
 
-_LEAST_CONFIDENCE = 1e-4  # of a node that sees the surface at its horizon
+_LEAST_CONFIDENCE = 1e-4  # minimum cosine of a node's normal, reached at the node's horizon
 
 
 @dataclass(eq=False)
 class ViewNodes:
-    """Mean light of the wide Gaussians of one lobe.
+    """Mean radiance of the wide Gaussians of one lobe.
 
     Attributes
     ----------
     sphere : ViewSphere
-        The view nodes.
+        View nodes.
     light : mi.Float
-        For each view node and each normal of its polar grid the mean light [W sr⁻¹ m⁻²], RGB and a zero, flat.
+        Mean radiance Λ_k [W sr⁻¹ m⁻²] for each view node and each normal of its polar grid, RGB0, flat (eq. 36).
     weight : CosineTable
-        Weight of the wide Gaussians over cos θ.
+        Weight B_k of the wide Gaussians by cos θ.
     """
 
     sphere: ViewSphere
@@ -51,7 +51,7 @@ class ViewNodes:
 
     @classmethod
     def of(cls, integral: LobeIntegral) -> ViewNodes:
-        """Integrate the wide part of a lobe at all nodes."""
+        """Integrate the wide Gaussians of a lobe at all nodes."""
         views = icosphere(SUBDIVISION)
         sphere = views.on_device
         lane = dr.arange(mi.UInt32, NODES * len(views))
@@ -64,25 +64,27 @@ class ViewNodes:
         return cls(sphere, table, CosineTable.of(_weights(integral)))
 
     def lookup(self, shading: ShadingFrame) -> tuple[mi.Color3f, mi.Color3f]:
-        """Light and weight of the wide Gaussians, one surface a lane; see `LobeIntegral.radiance`."""
+        """Weighted radiance and weight of the wide Gaussians, one surface a lane; docs/method.md, eq. 37."""
+        # ---- The three nodes around the view ----
         n, v = shading.n, shading.to_world(shading.v)
         mirrored = 2 * dr.dot(n, v) * n - v
         nodes = self.sphere.surrounding(v)
         views = [self.sphere.direction(node) for node in nodes]
+        # ---- Mean radiance at the normal that mirrors each node's view into the same direction, cosine-weighted ----
         light, total = mi.Color3f(0), mi.Float(0)
         for node, view, share in zip(nodes, views, gnomonic_weights(v, *views), strict=True):
-            # The normal that mirrors the node's view into the same direction; trusted by its cosine
             half = mirrored + view
             normal = half * dr.rsqrt(dr.maximum(dr.squared_norm(half), 1e-12))
             trusted = share * dr.maximum(dr.dot(normal, view), _LEAST_CONFIDENCE)
             light += trusted * self._at(node, frame_of(view).T @ normal)
             total += trusted
+        # ---- Weight at the true angle ----
         weight = self.weight.at(shading.cosine)
         weighing = mi.Color3f(weight.x, weight.y, weight.z)
         return light * (1 / total) * weighing, weighing
 
     def _at(self, node: mi.UInt32, local: mi.Vector3f) -> mi.Color3f:
-        """Mean light at a normal in a node's frame, bilinear on its grid."""
+        """Mean radiance at a normal in a node's frame, bilinear on its polar grid."""
         first = node * NODES
         (mean,) = interpolated(local, lambda index: dr.gather(mi.Vector4f, self.light, first + index))
         return mi.Color3f(mean.x, mean.y, mean.z)

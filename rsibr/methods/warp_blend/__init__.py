@@ -1,1 +1,1 @@
-"""Cabral, Olano, Nemec (1999): stored maps warped to the new view and blended."""
+"""Methods that warp stored maps to the new view and blend them, after Cabral, Olano, Nemec (1999)."""

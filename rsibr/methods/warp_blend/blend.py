@@ -1,4 +1,4 @@
-"""Which stored views take part in a new one, and with what weight."""
+"""Selection of stored views for a new view, and their weights."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from rsibr.methods.warp_blend.source_maps import SourceMaps, StoredView
 
 @dataclass
 class Mixture:
-    """Stored views and their weights, one set a lane (or one for all lanes).
+    """Stored views and their weights, one set a lane or one for all lanes.
 
     Attributes
     ----------
     views : list of StoredView
-        The sources.
+        Sources.
     weights : list of mi.Float
-        Their weights: non-negative, sum 1.
+        Weights of the sources: non-negative, sum 1.
     """
 
     views: list[StoredView]
@@ -29,7 +29,7 @@ class Mixture:
 
 
 Mix = Callable[[ViewSphere, SourceMaps, "mi.Vector3f"], Mixture]
-"""(stored directions, maps, view directions) → the mixture of stored views for each direction."""
+"""(stored directions, maps, view directions) → mixture of stored views for each direction."""
 
 
 WEIGHTS = {"area": area_weights, "gnomonic": gnomonic_weights}
@@ -37,12 +37,12 @@ WEIGHTS = {"area": area_weights, "gnomonic": gnomonic_weights}
 
 
 def nearest_mix(sphere: ViewSphere, sources: SourceMaps, v: mi.Vector3f) -> Mixture:
-    """Take the stored view nearest to each direction, alone."""
+    """Select the stored view nearest to each direction."""
     return Mixture([sources.view(sphere.nearest(v))], [mi.Float(1)])
 
 
 def triangle_mix(weights: Callable[[mi.Vector3f, mi.Vector3f, mi.Vector3f, mi.Vector3f], Weights]) -> Mix:
-    """Take the three stored views around each direction, weighted by `weights`; Cabral et al. (1999), section 3.4."""
+    """Select the three stored views around each direction, with `weights`; Cabral et al. (1999), section 3.4."""
 
     def mix(sphere: ViewSphere, sources: SourceMaps, v: mi.Vector3f) -> Mixture:
         views = [sources.view(index) for index in sphere.surrounding(v)]

@@ -1,6 +1,6 @@
-"""Cabral, Olano, Nemec (1999) as printed: one warp for the material, area weights, fade near the singularity.
+"""Method of Cabral, Olano, Nemec (1999) as published: one warp per material, area weights, fade at the singularity.
 
-It stays as it is: the baseline that other methods are compared with.
+It is the baseline of comparisons and must not change.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from rsibr.methods.warp_blend.warp_blend import MeshWarpBlend, WarpBlend
 
 @register(
     "cabral1999",
-    summary="the paper: one reflection-space warp, area weights",
+    summary="Cabral et al. (1999): one reflection-space warp, area weights",
     needs=Needs(views=True),
     role="baseline",
     rank=30,
 )
 def cabral1999(inputs: MethodInputs, *, weights: str = "area", mesh: DiskMesh | None = None) -> WarpBlend:
-    """Warp and blend the three stored views around the new one.
+    """Make the method: warp and blend the three stored views around the new one.
 
     Parameters
     ----------
     inputs : MethodInputs
         Maps and views of a bake.
     weights : str
-        Barycentric weights, one of `WEIGHTS`; the paper's are ratios of spherical areas (section 3.4).
+        Barycentric weights, one of `WEIGHTS`; the paper uses ratios of spherical areas (section 3.4).
     mesh : DiskMesh, optional
-        Compute the warp at the vertices of this mesh alone (section 3.3); by default at every texel.
+        Evaluate the warp only at the vertices of this mesh (section 3.3); by default at every texel.
     """
     warp, mix = WARPS[inputs.bake.manifest.material.warp], triangle_mix(WEIGHTS[weights])
     common = ("cabral1999", inputs.viewpoints, inputs.sources, mix, warp)
@@ -39,5 +39,9 @@ def cabral1999(inputs: MethodInputs, *, weights: str = "area", mesh: DiskMesh | 
 
 
 register_alias(
-    "cabral1999-mesh", of="cabral1999", summary="the paper through its tessellated disk", rank=40, mesh=DiskMesh()
+    "cabral1999-mesh",
+    of="cabral1999",
+    summary="cabral1999 with the warp interpolated on a tessellated disk",
+    rank=40,
+    mesh=DiskMesh(),
 )

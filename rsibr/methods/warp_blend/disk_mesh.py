@@ -1,4 +1,4 @@
-"""The paper's mesh warp: exact at the vertices of a tessellated disk, linear between them."""
+"""Mesh warp of Cabral et al. (1999): exact at the vertices of a tessellated disk, linear between them."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from rsibr.methods.warp_blend.warp import LEAST_CONFIDENCE, Warp
 
 @dataclass(frozen=True)
 class DiskMesh:
-    """A disk of rings and sectors, finer to the rim, where the warp bends most.
+    """Disk of rings and sectors, finer toward the rim, where the warp is most curved.
 
     Attributes
     ----------
     rings : int
-        Rings of vertices around the centre, at radii sin(k π/2 / rings): even in the angle of the surface, hence dense
+        Rings of vertices around the centre, at radii sin(k π/2 / rings): evenly spaced in surface angle, hence denser
         toward the rim. Cabral et al. (1999), section 3.3.
     sectors : int
         Vertices a ring.
@@ -30,7 +30,7 @@ class DiskMesh:
 
     @property
     def vertex_count(self) -> int:
-        """Vertices in all; each ring repeats its first vertex as its last, so that no index wraps around."""
+        """Total number of vertices; each ring repeats its first vertex as its last, so that no index wraps around."""
         return (self.rings + 1) * (self.sectors + 1)
 
     def vertex(self, index: mi.UInt32) -> mi.Point2f:
@@ -41,7 +41,7 @@ class DiskMesh:
         return mi.Point2f(radius * cosine, radius * sine)
 
     def corners(self, p: mi.Point2f) -> tuple[mi.Vector3u, mi.Vector3f]:
-        """Triangle that a map point lies in.
+        """Find the triangle that contains a map point.
 
         Parameters
         ----------
@@ -51,11 +51,12 @@ class DiskMesh:
         Returns
         -------
         index : mi.Vector3u
-            The triangle's vertices.
+            Vertices of the triangle.
         weight : mi.Vector3f
-            Barycentric coordinates, sum 1; slightly negative between the outermost chord and the arc, so that the
-            polygon's triangles reach the rim.
+            Barycentric coordinates, sum 1; slightly negative between the outermost chord and the arc, where the
+            triangles of the polygon are extrapolated.
         """
+        # ---- Ring and sector of the point ----
         ring = mi.UInt32(dr.asin(dr.minimum(dr.norm(p), 1)) * (2 / np.pi * self.rings))
         azimuth = dr.atan2(p.y, p.x)
         turn = dr.select(azimuth < 0, azimuth + 2 * np.pi, azimuth) * (self.sectors / (2 * np.pi))
@@ -63,7 +64,7 @@ class DiskMesh:
         ring = self._below_the_chord(p, dr.minimum(ring, self.rings - 1), sector)
         inner = ring * (self.sectors + 1) + sector
         outer = inner + self.sectors + 1
-        # The quad between two rings is cut from its inner right to its outer left corner
+        # ---- The quad between two rings is split from its inner right to its outer left corner ----
         first = _barycentric(p, *(self.vertex(i) for i in (inner, outer, outer + 1)))
         second = _barycentric(p, *(self.vertex(i) for i in (inner, outer + 1, inner + 1)))
         in_second = (first.y < 0) & (ring > 0)
@@ -71,7 +72,7 @@ class DiskMesh:
         return index, dr.select(in_second, second, first)
 
     def _below_the_chord(self, p: mi.Point2f, ring: mi.UInt32, sector: mi.UInt32) -> mi.UInt32:
-        """A ring of vertices is a polygon: a point between chord and arc belongs to the ring of triangles outside."""
+        """Ring of triangles that contains p. A point between chord and arc of a ring lies in the next one outside."""
         outer = (ring + 1) * (self.sectors + 1) + sector
         a, b = self.vertex(outer), self.vertex(outer + 1)
         beyond = (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x) < 0
@@ -80,16 +81,16 @@ class DiskMesh:
 
 @dataclass
 class MeshWarp:
-    """Sample a warp at the mesh's vertices and interpolate it linearly between them, in the plane of the map.
+    """Warp evaluated at the mesh's vertices and interpolated linearly in the plane of the map.
 
-    Three evaluations a lane; a whole map costs far less, see `MeshWarpBlend`.
+    Takes three evaluations of the exact warp a lane; a whole map takes far fewer, see `MeshWarpBlend`.
 
     Attributes
     ----------
     mesh : DiskMesh
         Tessellation of the destination disk.
     exact : Warp
-        The exact warp.
+        Warp to interpolate.
     """
 
     mesh: DiskMesh

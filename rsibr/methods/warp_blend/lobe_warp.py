@@ -1,6 +1,6 @@
-"""Lobes warped apart: each by its own warp, its directional albedo divided out and put back, its footprint corrected.
+"""Lobes warped separately: each with its own warp, normalised by its directional albedo, footprint corrected.
 
-A step between `cabral1999` and `rsibr` that needs no light. It is no listed method, but can be named: `lobe-warp`.
+A step between `cabral1999` and `rsibr` that needs no environment. An unlisted method, available by name: `lobe-warp`.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ from rsibr.methods.warp_blend.warp import LEAST_CONFIDENCE, MirrorWarp, NormalWa
 from rsibr.methods.warp_blend.warp_blend import WarpBlend
 
 Toward = tuple[Mixture, "list[LobeWarps]"]
-"""The stored views around a new one, and the warps to them."""
+"""Stored views around a new one, and the warps to them."""
 
-_LEAST_ALPHA = 0.004  # below, a lobe's footprint is finer than the texels of any map
+_LEAST_ALPHA = 0.004  # roughness below which a lobe's footprint is smaller than a texel of any map
 
 
 @dataclass
 class LobeMaps:
-    """The stored maps of one lobe.
+    """Stored maps of one lobe.
 
     Attributes
     ----------
     sources : SourceMaps
-        Its radiance from every stored view.
+        Radiance from every stored view.
     albedo : LobeAlbedo
-        Its directional albedo.
+        Directional albedo.
     alpha : mi.Float
-        Roughness.
+        Roughness α.
     is_diffuse, is_sharp : bool
-        Whether it follows the normal; whether its footprint is finer than a texel.
+        Whether the lobe depends on the normal alone; whether its footprint is smaller than a texel.
     """
 
     sources: SourceMaps
@@ -58,7 +58,7 @@ class LobeMaps:
 
     @classmethod
     def of(cls, sources: SourceMaps, alpha: float, albedo: NDArray[np.float64]) -> LobeMaps:
-        """Put a lobe on the device: its maps, its roughness and its albedo table of shape (NODES, 3)."""
+        """Put a lobe on the device: maps, roughness, and albedo table of shape (NODES, 3)."""
         return cls(
             sources, LobeAlbedo.of(albedo), dr.opaque(mi.Float, max(alpha, 0.0)), alpha == 0.0, alpha < _LEAST_ALPHA
         )
@@ -66,14 +66,14 @@ class LobeMaps:
 
 @dataclass
 class LobeWarps:
-    """Both warps to a stored view: which is used is a matter of the lobe.
+    """Both warps to a stored view.
 
     Attributes
     ----------
     mirror : MirrorWarp
-        For glossy lobes.
+        Warp of glossy lobes.
     normal : NormalWarp
-        For matte ones.
+        Warp of matte lobes.
     """
 
     mirror: MirrorWarp
@@ -85,7 +85,7 @@ class LobeWarps:
         return cls(MirrorWarp.between(stored, frame), NormalWarp.between(stored, frame))
 
     def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
-        """See `Warp`: the mirror's."""
+        """See `Warp`; the mirror warp."""
         return self.mirror(n)
 
     def point(self, n: mi.Vector3f, is_diffuse: bool) -> mi.Point2f:
@@ -95,12 +95,12 @@ class LobeWarps:
 
 @dataclass
 class LobeGroup:
-    """Lobes that are stored in the same views: they are mixed and warped alike.
+    """Lobes that are stored in the same views, hence share mixture and warps.
 
     Attributes
     ----------
     sphere : ViewSphere
-        These views.
+        Views that store them.
     lobes : list of LobeMaps
         At least one.
     """
@@ -111,13 +111,13 @@ class LobeGroup:
 
 @dataclass(frozen=True)
 class Corrections:
-    """What is done beyond warping; each can be left out, to see what it gains and what it costs.
+    """Corrections beyond warping, each optional, so that a study can measure its gain and its cost.
 
     Attributes
     ----------
     albedo : bool
-        Divide each source by its directional albedo, and put the destination's back: Fresnel and shadowing go with the
-        surface's angle, the environment with the direction.
+        Divide each source by its directional albedo and multiply by the destination's: Fresnel and shadowing depend on
+        the surface angle, the environment on the direction.
     moments : bool
         Correct the footprint of glossy lobes to second order.
     """
@@ -133,9 +133,9 @@ class LobeWarpMethod(WarpBlend):
     Attributes
     ----------
     groups : list of LobeGroup
-        The lobes, with the views that each is stored in.
+        Lobes, grouped by the views that store them.
     corrections : Corrections
-        What is done beyond warping.
+        Corrections beyond warping.
     """
 
     groups: list[LobeGroup] = field(default_factory=list)
@@ -144,9 +144,9 @@ class LobeWarpMethod(WarpBlend):
     @classmethod
     @backend.in_session
     def of(cls, inputs: MethodInputs, corrections: Corrections = Corrections()) -> LobeWarpMethod:
-        """Make the method from a bake's lobes.
+        """Make the method from the lobes of a bake.
 
-        Each lobe is interpolated between the views that have a layer of it, for some lobes fewer than all.
+        Each lobe is interpolated between the views that store a layer of it; for some lobes these are not all views.
         """
         groups: dict[int, list[LobeMaps]] = {}
         for record in inputs.lobes:
@@ -184,7 +184,7 @@ class LobeWarpMethod(WarpBlend):
         return laid_out(radiance, texel, resolution)
 
     def _toward_each(self, frame: mi.Matrix3f) -> list[Toward]:
-        """For each group the sources of the view that `frame` looks from, and the warps to them."""
+        """Sources and warps of each group for the view of `frame`."""
         mixtures = [self.mix(group.sphere, group.lobes[0].sources, view_of(frame)) for group in self.groups]
         return [(mixture, [LobeWarps.between(stored, frame) for stored in mixture.views]) for mixture in mixtures]
 
@@ -205,7 +205,7 @@ class LobeWarpMethod(WarpBlend):
                 mixture.views, mixture.weights, warps, points[lobe.is_diffuse], strict=True
             ):
                 cosine = dr.sqrt(dr.maximum(1 - dr.squared_norm(p), 0))
-                # The nearer to its rim a source is asked, the coarser it is: it is trusted by its cosine
+                # Texels span more directions toward the rim: weight by the source's cosine
                 trusted = weight * dr.maximum(cosine, LEAST_CONFIDENCE)
                 total += trusted * self._carried(lobe, stored.index, warp.mirror, footprint, p, cosine)
                 weights += trusted
@@ -222,17 +222,17 @@ class LobeWarpMethod(WarpBlend):
         p: mi.Point2f,
         cosine: mi.Float,
     ) -> mi.Color3f:
-        """What a source says of the destination: its footprint mended, its albedo divided out."""
+        """Radiance of a source with corrected footprint, divided by the source's albedo."""
         seen = lobe.sources.fetch(view, p)
         if self.corrections.moments and not (lobe.is_diffuse or lobe.is_sharp):
-            seen = _mended(lobe, view, mirror, footprint, cosine, seen)
+            seen = _footprint_corrected(lobe, view, mirror, footprint, cosine, seen)
         return seen / lobe.albedo.at(cosine) if self.corrections.albedo else seen
 
 
-def _mended(
+def _footprint_corrected(
     lobe: LobeMaps, view: mi.UInt32, mirror: MirrorWarp, footprint: MirrorFootprint, cosine: mi.Float, seen: mi.Color3f
 ) -> mi.Color3f:
-    """Give a source's radiance the destination's footprint: L + Σ sign(λ)(L₊ + L₋ − 2L)/6."""
+    """Change a source's footprint to that of the destination, to second order: L + Σ sign(λ)(L₊ + L₋ − 2L)/6."""
     change = mi.Color3f(0)
     for tangent, eigenvalue in footprint.axes_toward(mirror.stored_view(), cosine):
         sine, cosine_of = dr.sincos(tap_angle(eigenvalue, lobe.alpha))

@@ -1,4 +1,4 @@
-"""The stored maps on the device, ready to be looked up at any point of the disk."""
+"""Stored maps on the device, for bilinear lookups anywhere in the disk."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from rsibr.geometry.to_device import to_device
 from rsibr.light.shared_exponent import bilinear, packed
 
 MAX_WORDS = 2**32 - 1
-"""Entries that a Dr.Jit array can index."""
+"""Largest number of entries of a Dr.Jit array."""
 
-_WORDS = 2  # a texel
-_STRIP = 8  # texels across a strip: 64 bytes, a line of the cache
+_WORDS = 2  # 32-bit words a texel
+_STRIP = 8  # texels across a strip: 64 bytes, one cache line
 _BORDER = 1
 _AROUND = ((_BORDER, _BORDER), (_BORDER, _BORDER), (0, 0))
 
 
 @dataclass
 class StoredView:
-    """One stored view a lane (or one for all lanes): which map it is, and its frame.
+    """Index and frame of a stored view, one a lane or one for all lanes.
 
     Attributes
     ----------
     index : mi.UInt32
-        Which of the stored maps.
+        Index of the stored map.
     x, y, v : mi.Vector3f
-        Columns of its frame in world coordinates: right, up, and the direction to the viewer.
+        Columns of its frame in world coordinates: right, up, and direction to the viewer.
     """
 
     index: mi.UInt32
@@ -42,7 +42,7 @@ class StoredView:
     v: mi.Vector3f
 
     def to_local(self, direction: mi.Vector3f) -> mi.Vector3f:
-        """World direction in the frame of the stored view: T_s⁻¹."""
+        """Transform a direction from world coordinates to the frame of the stored view: T_s⁻¹."""
         return mi.Vector3f(dr.dot(self.x, direction), dr.dot(self.y, direction), dr.dot(self.v, direction))
 
 
@@ -53,14 +53,15 @@ class SourceMaps:
     Attributes
     ----------
     texels : mi.Float
-        Texels of all maps, flat: bits of two words a texel (see `texel`), gathered as one aligned packet. Each map has
-        a border of one texel, and is laid out in upright strips of `_STRIP` texels, row after row of each.
+        Texels of all maps, flat: two words a texel with shared exponent (`rsibr.light.shared_exponent`), gathered as
+        one aligned packet. Each map has a border of one texel and is stored in vertical strips of `_STRIP` texels, row
+        by row.
     frames : mi.Float
-        Frame of each view, nine floats each, columns first: x, y, z in world coordinates.
+        Frame of each view, nine floats each: columns x, y, z in world coordinates.
     half : mi.Float
-        Half the texels a side (opaque, as are the next two: maps of another size need no other kernel).
+        Half the texels a side. Opaque, as are the next two, so that maps of another size share a kernel.
     strip_size, map_size : mi.UInt32
-        Texels a strip, and a map with its border.
+        Texels a strip, and texels a map with its border.
     """
 
     texels: mi.Float
@@ -78,11 +79,16 @@ class SourceMaps:
         Parameters
         ----------
         radiance : ndarray, shape (N, H, H, 3)
-            Radiance [W sr⁻¹ m⁻²] with the coverage divided out. Texels without coverage are never read.
+            Radiance [W sr⁻¹ m⁻²], coverage divided out. Texels without coverage are ignored.
         coverage : ndarray, shape (N, H, H)
             Share of each texel inside the disk.
         frames : ndarray, shape (N, 3, 3)
             Columns x, y, z in world coordinates.
+
+        Raises
+        ------
+        MachineError
+            If the maps exceed the size of one Dr.Jit array.
         """
         count, resolution = radiance.shape[:2]
         stride = resolution + 2 * _BORDER
@@ -107,11 +113,11 @@ class SourceMaps:
 
     @classmethod
     def none(cls) -> SourceMaps:
-        """Return one black texel: for a method that looks no map up, or none yet. A kernel cannot hold empty arrays."""
+        """Return one black texel, for a method without maps; kernels cannot take empty arrays."""
         return cls.from_arrays(np.zeros((1, 1, 1, 3), np.float32), np.ones((1, 1, 1), np.float32), np.eye(3)[None])
 
     def view(self, index: mi.UInt32) -> StoredView:
-        """Look up the frame of the stored view `index`, one a lane."""
+        """Fetch the stored view `index` with its frame, one a lane."""
         x, y, v = (dr.gather(mi.Vector3f, self.frames, 3 * index + axis) for axis in range(3))
         return StoredView(index, x, y, v)
 
@@ -136,11 +142,11 @@ class SourceMaps:
         return bilinear(self.texels, cell, left, right, _STRIP)
 
     def _across(self, column: mi.UInt32) -> mi.UInt32:
-        """Place of a column's first texel in its map."""
+        """Offset of a column's first texel in its map."""
         return dr.fma(column // _STRIP, self.strip_size, column % _STRIP)
 
 
 def _filled_outward(image: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Give each texel outside the disk the value of the nearest one inside, so that no lookup at the rim darkens."""
+    """Extend values to texels outside the disk from the nearest one inside; otherwise lookups at the rim darken."""
     row, column = distance_transform_edt(~covered, return_distances=False, return_indices=True)
     return np.asarray(image[row, column])

@@ -1,4 +1,4 @@
-"""`nearest` and `blend`: the stored maps as they are. What the paper's talk shows first, and improves on."""
+"""`nearest` and `blend`: stored maps without a warp; the simple methods that Cabral et al. (1999) improve on."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from rsibr.methods.warp_blend.warp import NoWarp
 from rsibr.methods.warp_blend.warp_blend import WarpBlend
 
 
-@register("nearest", summary="the nearest stored map as it is", needs=Needs(views=True), rank=10)
+@register("nearest", summary="the nearest stored map, unwarped", needs=Needs(views=True), rank=10)
 def nearest(inputs: MethodInputs) -> WarpBlend:
-    """Take the nearest stored view alone."""
+    """Make the method that shows the nearest stored map."""
     return WarpBlend("nearest", inputs.viewpoints, inputs.sources, nearest_mix, NoWarp.between)
 
 
 @register("blend", summary="the three stored maps around the view, blended unwarped", needs=Needs(views=True), rank=20)
 def blend(inputs: MethodInputs, *, weights: str = "area") -> WarpBlend:
-    """Blend the three stored views around the new one by `weights`, one of `WEIGHTS`."""
+    """Make the method that blends the three stored maps around the view with `weights`, one of `WEIGHTS`."""
     return WarpBlend("blend", inputs.viewpoints, inputs.sources, triangle_mix(WEIGHTS[weights]), NoWarp.between)

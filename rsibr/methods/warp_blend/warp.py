@@ -1,8 +1,8 @@
-"""Where a destination texel lies in a stored map, and how far that lookup is to be trusted.
+"""Warps from a destination texel to a point of a stored map, with a confidence.
 
 A warp is evaluated backwards, from the destination: p_s = g⁻¹ ∘ T_s⁻¹ ∘ T_d ∘ g (p_d), after Cabral et al. (1999),
-sections 3.2 and 3.3. All of it that depends on the two views alone is one rotation and a few vectors, made once a view;
-what is left for each texel costs a handful of operations.
+sections 3.2 and 3.3. The part that depends only on the two views, one rotation and a few vectors, is computed once a
+view.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ from rsibr.geometry.projections.sphere_map import disk_from_normal, disk_from_re
 from rsibr.methods.warp_blend.source_maps import StoredView
 
 FADE_RADIUS = 1.0
-"""Distance in the destination map, in radii of the disk, from which on a source is trusted fully. The paper leaves it
-open; of 0.05 to 2, this one errs least over four paints and two environments (30 % less than 0.25)."""
+"""Distance from the singularity in the destination map [radii of the disk] at which the confidence reaches 1. The paper
+gives no value; of 0.05 to 2, this one has the smallest error over four paints and two environments (30 % less than
+0.25)."""
 
 LEAST_CONFIDENCE = 1e-6
-"""Keeps the weights' sum above zero where the only source of a texel sits on its own singularity."""
+"""Keeps the sum of weights positive where the only source of a texel is evaluated at its singularity."""
 
 
 class Warp(Protocol):
-    """A correspondence between the map of one view and the map of another."""
+    """Correspondence between the map of a destination view and a stored map."""
 
     def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
-        """Look a surface normal up.
+        """Map a surface normal of the destination to a point of the stored map.
 
         Parameters
         ----------
@@ -40,23 +41,23 @@ class Warp(Protocol):
         Returns
         -------
         p : mi.Point2f
-            Points of the stored map that stand for them.
+            Corresponding points of the stored map, in the unit disk.
         confidence : mi.Float
-            How far to trust them, in [0, 1].
+            Factor on the weight of the lookup, in [0, 1].
         """
         ...
 
 
 WarpBetween = Callable[[StoredView, "mi.Matrix3f"], Warp]
-"""(stored view, frame of the destination) → the warp between the two; one pair a lane, or one for all lanes."""
+"""(stored view, frame of the destination) → warp between the two; one pair a lane, or one for all lanes."""
 
 
 @dataclass
 class MirrorWarp:
-    """Look up where the stored view reflects into the same direction.
+    """Warp to the point of the stored map with the same mirror direction.
 
-    The confidence fades linearly within `FADE_RADIUS` of the source's singularity, the mirror direction −v_s, where the
-    source's whole rim is pinched into one point of the destination.
+    The confidence falls linearly to 0 within `FADE_RADIUS` of the source's singularity, the mirror direction −v_s,
+    where the whole rim of the source is mapped to one point of the destination.
 
     Attributes
     ----------
@@ -65,7 +66,7 @@ class MirrorWarp:
     shift : mi.Vector3f
         v_s − v in the stored frame.
     singular : mi.Point2f
-        Where in the destination −v_s is reflected: p_d = warp(−v_s).
+        Point of the destination with the mirror direction −v_s.
     """
 
     rotation: mi.Matrix3f
@@ -76,25 +77,25 @@ class MirrorWarp:
     def between(cls, stored: StoredView, frame: mi.Matrix3f) -> MirrorWarp:
         """Make the warp from the destination's `frame`, columns x, y, v, to a stored view."""
         shift = stored.v - _column(frame, 2)
-        # The normal that mirrors v into −v_s halves the angle between the two. It is undetermined at the stored view
-        # itself, where there is but one source and its confidence drops out.
+        # The normal that mirrors v into −v_s bisects the two. It is undefined at the stored view itself, where there
+        # is only one source and its confidence cancels.
         singular = -shift * dr.rsqrt(dr.maximum(dr.squared_norm(shift), 1e-30))
         in_map = mi.Point2f(dr.dot(_column(frame, 0), singular), dr.dot(_column(frame, 1), singular))
         return cls(_rotation(stored, frame), stored.to_local(shift), in_map)
 
     def stored_view(self) -> mi.Vector3f:
-        """The stored view's direction in the destination's frame."""
+        """Direction of the stored view in the destination's frame."""
         return mi.Vector3f(self.rotation[2, 0], self.rotation[2, 1], self.rotation[2, 2])
 
     def disk_of(self, r: mi.Vector3f) -> mi.Point2f:
-        """Point of the stored map that mirrors into `r`, a unit direction in the destination's frame."""
+        """Point of the stored map with the mirror direction `r`, a unit vector in the destination's frame."""
         return disk_from_reflection(self.rotation @ r)
 
     def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
         """See `Warp`."""
-        # The stored view's normal halves the angle between it and the mirror direction r = 2(n·v)n − v. Written with
-        # the difference of the views, r + v_s cancels nothing and is parallel to n where the views are one; on the rim
-        # of that view, where n·v = 0 (or below, by rounding), n itself is left.
+        # The normal in the stored map bisects v_s and the mirror direction r = 2(n·v)n − v. Written as
+        # 2(n·v)n + (v_s − v), r + v_s has no cancellation and is parallel to n where the views coincide. On the rim of
+        # that view, where n·v is 0 or slightly negative by rounding, n itself remains.
         half = dr.fma(self.rotation @ n, dr.maximum(2 * n.z, 1e-9), self.shift)
         shrink = dr.rsqrt(dr.maximum(dr.squared_norm(half), 1e-30))
         away = mi.Point2f(n.x, n.y) - self.singular
@@ -104,10 +105,9 @@ class MirrorWarp:
 
 @dataclass
 class NormalWarp:
-    """Look up where the stored view shows the same surface normal.
+    """Warp to the point of the stored map with the same surface normal.
 
-    The confidence is the height of the normal over the stored view's horizon, n·v_s: what lies below it is not in that
-    map at all.
+    The confidence is the cosine n·v_s; normals below the stored view's horizon are not in its map.
 
     Attributes
     ----------
@@ -130,22 +130,23 @@ class NormalWarp:
 
 @dataclass
 class NoWarp:
-    """Look up the same place of the picture, as if the stored view were the new one.
+    """Identity warp: same point of the map, as if the stored view were the new one.
 
-    The pictures are laid on one another by the least rotation between the two views: upright frames would spin them
-    against each other near the poles. The confidence is 1.
+    The maps are aligned by the smallest rotation between the two views, because upright frames rotate against each
+    other near the poles. The confidence is 1.
 
     Attributes
     ----------
     rotation : mi.Matrix3f
-        From the destination's frame to the stored one, the view carried along: z stays z.
+        From the destination's frame, transported to the stored view, to the stored frame: z is preserved.
     """
 
     rotation: mi.Matrix3f
 
     @classmethod
     def between(cls, stored: StoredView, frame: mi.Matrix3f) -> NoWarp:
-        """Lay the destination, with its `frame` of columns x, y, v, on a stored view."""
+        """Make the warp from the destination's `frame`, columns x, y, v, to a stored view."""
+        # Transports the destination's axes along the great circle between the views
         v = _column(frame, 2)
         columns = [stored.to_local(transported(_column(frame, axis), v, stored.v)) for axis in range(3)]
         return cls(from_columns(*columns))
@@ -156,7 +157,7 @@ class NoWarp:
 
 
 WARPS: dict[str, WarpBetween] = {"mirror": MirrorWarp.between, "normal": NormalWarp.between}
-"""The paper's two warps, by the names that a material carries."""
+"""The paper's two warps, by the name in a material's record."""
 
 
 def _rotation(stored: StoredView, frame: mi.Matrix3f) -> mi.Matrix3f:

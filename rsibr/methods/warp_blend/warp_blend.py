@@ -1,4 +1,4 @@
-"""Warp the stored maps to the new view and blend them: what all systems without a model have in common."""
+"""Warp the stored maps to the new view and blend them; the base of all methods that look up stored maps."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ class WarpBlend:
     Attributes
     ----------
     name : str
-        The method's name on the command line.
+        Name on the command line.
     viewpoints : Viewpoints
         Stored directions and triangles.
     sources : SourceMaps
         Stored maps.
     mix : Mix
-        Which maps, with what weight.
+        Selects the stored views of a new view, with weights.
     warp : WarpBetween
-        Where to look in each.
+        Warp to each of them.
     cost : Cost
-        What was spent before the first lookup. No field of the dataclass: a recorded kernel would be recorded anew
-        whenever it changes.
+        Cost before the first lookup. Not a field of the dataclass, because a change of it would make a new recording
+        of the kernels.
     """
 
     name: str
@@ -73,37 +73,37 @@ class WarpBlend:
 
     @backend.in_session
     def map(self, frame: NDArray[np.float64], resolution: int) -> mi.TensorXf:
-        """Radiance of a whole sphere map, not yet waited for; see `Method.map`.
+        """Radiance of a whole sphere map, asynchronously; see `Method.map`.
 
         Notes
         -----
-        The view's sources, weights and warps are found once, in a kernel of one lane. From the second view on nothing
-        is traced or compiled: the recorded kernels are launched again, see `Frozen`.
+        Sources, weights and warps of the view are computed once, in a kernel of one lane. From the second view on
+        nothing is traced or compiled: recorded kernels are launched again, see `Frozen`.
         """
         self._prepare(resolution)
         columns = mi.Float(frame.T.ravel().tolist())
         return mi.TensorXf(self._frozen(self, columns, resolution), (resolution, resolution, 4))
 
     def _prepare(self, resolution: int) -> None:
-        """Put on the device what maps of this resolution need beside the method's own arrays."""
+        """Make the arrays that depend on the resolution; none by default."""
 
     @contextmanager
     def _preparing(self) -> Iterator[None]:
-        """Count the time of the block as preparation."""
+        """Add the time of the block to the preparation time."""
         start = time.perf_counter()
         yield
         backend.synchronize()
         self.cost = self.cost.preparing(time.perf_counter() - start)
 
     def image(self, columns: mi.Float, resolution: int) -> mi.Float:
-        """Texels of a map, traced: row-major RGBA, flat; `columns` are the nine floats of the frame, x, y, z."""
+        """Trace the texels of a map, row-major RGBA, flat; `columns` holds the frame's columns as nine floats."""
         mixture, warps = self._toward(frame_from(columns))
         dr.eval(mixture, warps)
         texel = tiled_texels(resolution)
         return laid_out(self._texels(texel, resolution, mixture, warps), texel, resolution)
 
     def _toward(self, frame: mi.Matrix3f) -> tuple[Mixture, list[Warp]]:
-        """Sources of the view that `frame` looks from, and the warps to them."""
+        """Sources of the view of `frame`, and the warps to them."""
         mixture = self.mix(self._sphere, self.sources, view_of(frame))
         return mixture, [self.warp(stored, frame) for stored in mixture.views]
 
@@ -117,12 +117,12 @@ class WarpBlend:
 
 @dataclass(eq=False, repr=False)
 class MeshWarpBlend(WarpBlend):
-    """The same, with the warp computed at the vertices of a tessellated disk only; Cabral et al. (1999), section 3.3.
+    """`WarpBlend` with the warp evaluated only at the vertices of a disk mesh; Cabral et al. (1999), section 3.3.
 
     Attributes
     ----------
     mesh : DiskMesh
-        The tessellation.
+        Tessellation of the disk.
     """
 
     mesh: DiskMesh = field(default_factory=DiskMesh)
@@ -138,8 +138,8 @@ class MeshWarpBlend(WarpBlend):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        # Which triangle a texel lies in does not change with the view. Not a field: a recording knows the corners of
-        # its own resolution only
+        # The triangle of a texel does not depend on the view. Not a field: a recording must only see the corners of
+        # its own resolution
         self._corners_of: dict[int, tuple[Any, Any]] = {}
 
     def _prepare(self, resolution: int) -> None:
@@ -163,7 +163,7 @@ class MeshWarpBlend(WarpBlend):
 
 
 def blended(sources: SourceMaps, mixture: Mixture, looked_up: list[tuple[mi.Point2f, mi.Float]]) -> mi.Color3f:
-    """Σ w_i c_i S_i(p_i) / Σ w_i c_i: a weight fades with the confidence in its source."""
+    """Weighted mean of the sources, Σ w_i c_i S_i(p_i) / Σ w_i c_i, with the confidences c_i of the warps."""
     radiance, total = mi.Color3f(0), mi.Float(0)
     for stored, weight, (p, confidence) in zip(mixture.views, mixture.weights, looked_up, strict=True):
         trusted = weight * confidence
@@ -173,7 +173,7 @@ def blended(sources: SourceMaps, mixture: Mixture, looked_up: list[tuple[mi.Poin
 
 
 def _image(method: WarpBlend, columns: mi.Float, resolution: int) -> mi.Float:
-    # A function of its own: what `Frozen` keeps is the recording alone, and the method goes with its last user
+    # A free function, so that `Frozen` holds no reference to the method and the method can be released
     return method.image(columns, resolution)
 
 

@@ -1,1 +1,1 @@
-"""Whether a bake can be trusted: non-finite texels, holes, fireflies, energy drift."""
+"""Numerical health of a bake: non-finite texels, holes, fireflies, energy drift."""

@@ -1,4 +1,4 @@
-"""Checks a bake by itself, without rendering: its maps, the maps together, and how new views read them."""
+"""Check of a bake without rendering: each map, all maps jointly, and lookups near singularities."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rsibr.validation.validation import DEFAULT_VIEWS, novel_views
 
 @backend.in_session
 def check(bake: Bake | Path | str, *, out: Path | str | None = None) -> Health:
-    """Look for what cannot be trusted in a bake: NaN, holes, fireflies, energy drift, half-float overflow.
+    """Check a bake for NaN, holes, fireflies, energy drift and half-float overflow.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def check(bake: Bake | Path | str, *, out: Path | str | None = None) -> Health:
     Returns
     -------
     Health
-        Its `trusted` is false where a texel is NaN, Inf or missing.
+        Findings; `trusted` is false if a texel is NaN, Inf or missing.
 
     Raises
     ------
@@ -33,6 +33,12 @@ def check(bake: Bake | Path | str, *, out: Path | str | None = None) -> Health:
         If the bake cannot be read, or `out` cannot be written.
     MachineError
         If the machine has no usable backend.
+
+    Examples
+    --------
+    >>> health = rsibr.check("out/paint.rsibr")       # doctest: +SKIP
+    >>> health.trusted, health.warnings               # doctest: +SKIP
+    (True, 0)
     """
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
     health = assess(opened, [view for _, view in novel_views(opened, DEFAULT_VIEWS)])

@@ -1,12 +1,12 @@
-"""Energy drift: a view whose map holds more or less light than the other views and the environment say it should.
+"""Energy drift: views whose mean radiance is inconsistent with the other views and the environment.
 
-The mean over a whole map is the light that the sphere sends to that viewer. For an isotropic BRDF it is the environment
-folded with one kernel of the angle between light and viewer, the same for every view:
+For an isotropic BRDF the mean radiance M(v) of a map is a convolution of the environment with a zonal kernel K of the
+angle between light and viewer, the same for every view:
 
     M(v) = ∫ L_i(ω) K(ω·v) dω = Σ_l k_l ∫ L_i(ω) P_l(ω·v) dω
 
-The integrals over the environment are known and the few k_l are not: all views together determine them, and a view that
-does not fit the others stands out, however much the means differ from view to view because the environment does.
+The integrals over the environment are known. The few coefficients k_l are fitted to all views by least squares. A view
+with a large residual has drifted, even where the means differ between views because the environment does.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from scipy.stats import t as student_t
 Array = NDArray[np.float64]
 
 FALSE_ALARMS = 1e-3
-"""Chance that a bake without drift shows one, where what the kernel leaves unexplained is Gaussian."""
+"""Probability that a bake without drift is reported to have one, if the residuals of the fit are Gaussian."""
 
 LEAST_DRIFT = 0.15
-"""Relative deviation below which nothing is called a drift.
+"""Relative deviation below which no drift is reported.
 
-What few degrees leave unexplained is not quite Gaussian: of 20 sound bakes (the presets under four real maps, twelve
-views) two exceed the level of `FALSE_ALARMS`, by 8 and 12 %.
+With few degrees the residuals are not quite Gaussian: of 20 bakes without drift (the presets under four environment
+maps, twelve views) two exceed the level of `FALSE_ALARMS`, with deviations of 8 and 12 %.
 """
 
 ERRORS = 5.0
-"""Standard errors of the map's mean that a deviation must exceed."""
+"""Minimum deviation in standard errors of the map's mean."""
 
 HIGHEST_DEGREE = 8
 _VIEWS_A_DEGREE = 3
@@ -45,7 +45,7 @@ _CHANNELS = ("red", "green", "blue")
 
 @dataclass(frozen=True)
 class Drift:
-    """A view out of line with the others.
+    """View whose mean radiance is inconsistent with the other views.
 
     Attributes
     ----------
@@ -54,9 +54,9 @@ class Drift:
     channel : str
         `"red"`, `"green"` or `"blue"`.
     ratio : float
-        Mean radiance of its map over what the other views predict.
+        Mean radiance of its map over the prediction from the other views.
     p_value : float
-        Probability of so large a deviation, two-sided, before Šidák's correction.
+        Two-sided p-value of the deviation, before Šidák's correction.
     """
 
     view: int
@@ -80,11 +80,12 @@ class MapMeans:
 
 
 def drifting_views(means: MapMeans, directions: Array, emitter: Mapping[str, Any]) -> list[Drift]:
-    """Find the views whose mean does not fit the one kernel of all the others.
+    """Find the views whose mean radiance does not fit the kernel of all other views.
 
     Parameters
     ----------
     means : MapMeans
+        Mean radiance of each view.
     directions : ndarray, shape (V, 3)
         Unit view directions.
     emitter : mapping
@@ -93,20 +94,23 @@ def drifting_views(means: MapMeans, directions: Array, emitter: Mapping[str, Any
     Returns
     -------
     list of Drift
-        In the order of the views. Empty where there are too few views to tell.
+        Drifts in the order of the views. Empty if there are too few views for the test.
 
     Notes
     -----
     Least squares with each view left out in turn: externally studentised residuals, Student's t, Šidák over views and
-    channels at `FALSE_ALARMS`. Degrees 0 to V/3 − 1 (at most `HIGHEST_DEGREE`). What the higher degrees hold, and any
-    anisotropy of the BRDF, enters the residual of every view and makes the test less sharp. With twelve views, a drift
-    of 30 % is seen in 17 of the 20 bakes named at `LEAST_DRIFT`: not where a tiny sun or a strip light is nearly all.
+    channels at `FALSE_ALARMS`. Degrees 0 to V/3 − 1 (at most `HIGHEST_DEGREE`). Higher degrees of the kernel, and
+    anisotropy of the BRDF, increase the residuals of all views and lower the power of the test. With twelve views, a
+    drift of 30 % is detected in 17 of the 20 bakes of `LEAST_DRIFT`; it is missed where a small sun or a strip light
+    dominates the environment.
     """
+    # ---- Zonal moments of the environment about each view ----
     degree = min(HIGHEST_DEGREE, len(directions) // _VIEWS_A_DEGREE - 1)
     if degree < 0:
         return []
     moments = zonal_moments(emitter, directions, degree)
     level = 1 - (1 - FALSE_ALARMS) ** (1 / means.mean.size)
+    # ---- Test each view against the fit to the others ----
     found = []
     for channel, name in enumerate(_CHANNELS):
         predicted, p_values = _left_out(moments[:, :, channel], means.mean[:, channel])
@@ -126,14 +130,14 @@ def zonal_moments(emitter: Mapping[str, Any], directions: Array, degree: int) ->
     emitter : mapping
         Mitsuba emitter at infinity.
     directions : ndarray, shape (V, 3)
-        The v.
+        Unit view directions v.
     degree : int
-        Largest l.
+        Maximum degree l.
 
     Returns
     -------
     ndarray, shape (V, degree + 1, 3)
-        From 65 536 stratified directions, drawn as the emitter does: relative error about 1e-3.
+        Monte Carlo estimates from 65 536 stratified samples of the emitter, with a relative error of about 1e-3.
     """
     light, weight = _light_samples(emitter)
     vander = (np.polynomial.legendre.legvander(light @ v, degree) for v in directions)
@@ -141,25 +145,26 @@ def zonal_moments(emitter: Mapping[str, Any], directions: Array, degree: int) ->
 
 
 def mean_of_map(radiance: Array, variance: Array, coverage: Array) -> tuple[Array, Array]:
-    """Mean of a map over its covered area, and its standard error, a channel each.
+    """Mean of a map over its covered area, and its standard error, for each channel.
 
     Parameters
     ----------
     radiance, variance : ndarray, shape (K, 3)
-        Texels that can be judged.
+        Radiance of covered, finite texels, and variance of that mean.
     coverage : ndarray, shape (K,)
+        Share of each texel inside the disk.
 
     Returns
     -------
     mean, error : ndarray, shape (3,)
-        Zero where there is no texel.
+        Zero if there are no texels.
     """
     total = max(float(coverage.sum()), np.finfo(np.float64).tiny)
     return coverage @ radiance / total, np.sqrt(coverage**2 @ variance) / total
 
 
 def _light_samples(emitter: Mapping[str, Any]) -> tuple[Array, Array]:
-    """Directions (n, 3) toward the light, and radiance over density (n, 3)."""
+    """Emitter samples: directions (n, 3), and radiance over density (n, 3)."""
     scene = mi.load_dict({"type": "scene", "light": dict(emitter)})
     index = dr.arange(mi.UInt32, _SIDE**2)
     generator = mi.PCG32(size=_SIDE**2)
@@ -173,9 +178,10 @@ def _light_samples(emitter: Mapping[str, Any]) -> tuple[Array, Array]:
 def _left_out(moments: Array, means: Array) -> tuple[Array, Array]:
     """Prediction of each view from the others, and the two-sided p-value of its deviation; shapes (V,)."""
     size = np.sqrt((moments**2).mean(axis=0))
-    used = moments[:, size > _FAINT * size[0]]  # under a constant sky the higher degrees are all noise
+    used = moments[:, size > _FAINT * size[0]]  # under a constant environment the higher degrees are noise
     unitary = np.linalg.qr(used)[0] if used.size else used
     hat = unitary @ unitary.T
+    # Externally studentised residuals of the least-squares fit
     freedom = len(means) - used.shape[1] - 1
     residual = means - hat @ means
     leverage = np.minimum(np.diag(hat), 1 - 1e-9)

@@ -1,4 +1,4 @@
-"""Numerical health of a whole bake: what cannot be trusted, where it is, and what it looks like."""
+"""Numerical health of a whole bake: findings, their places, and images of them."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ Verdict = Literal["failed", "warning"]
 
 KINDS: dict[str, tuple[Verdict, str]] = {
     "non_finite": ("failed", "NaN or Inf"),
-    "holes": ("failed", "inside the disk and not covered"),
-    "fireflies": ("warning", "a few bright samples make it, unlike all around it"),
-    "half_overflow": ("warning", "above 65504, which half precision turns into Inf"),
+    "holes": ("failed", "inside the disk but not covered"),
+    "fireflies": ("warning", "dominated by a few bright samples, unlike its neighbours"),
+    "half_overflow": ("warning", "above 65504, Inf in half precision"),
 }
-"""What is looked for in each map: how bad a texel of the kind is, and what is wrong with it."""
+"""Kinds of findings in a map: verdict and meaning of each."""
 
 MARKS = {
     "non_finite": (0, 229, 255),
@@ -40,34 +40,33 @@ MARKS = {
     "fireflies": (64, 140, 255),
     "half_overflow": (150, 160, 170),
 }
-"""Colour of the outline around a found texel: none of them on the false-colour scale."""
+"""Colour of the outline around a texel by kind; none occurs on the false-colour scale."""
 
 SCALE = replace(RELATIVE_ERROR, label="relative standard error of a texel")
 
 MOST_PLACES = 8
-"""Places named of each kind, the worst first."""
+"""Maximum number of places of each kind, the worst first."""
 
 MOST_PICTURES = 6
-"""Views that are drawn: those with most findings; the noisiest one where there is none."""
+"""Maximum number of views to draw: those with most findings, or the noisiest one if there are no findings."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a texel is.
+    """Place of a texel.
 
     Attributes
     ----------
     view : int
         Index of the stored view.
     row, column : int
-        Of the image; row 0 is the top.
+        Row and column of the image; row 0 is the top.
     s, t : float
         Centre of the texel in the sphere map, s right, t up.
     normal, reflection : tuple of float
-        The surface normal there and the mirrored view direction, unit vectors in world coordinates.
+        Surface normal and mirror direction, unit vectors in world coordinates.
     value : float or None
-        What makes it a finding: relative standard error of a firefly, radiance of an overflow; None where that is
-        infinite, and for the other kinds.
+        Relative standard error of a firefly, or radiance of an overflow; None if infinite, and for other kinds.
     """
 
     view: int
@@ -87,13 +86,13 @@ class Finding:
     Attributes
     ----------
     kind : str
-        Of `KINDS`.
+        Key of `KINDS`.
     verdict : str
-        `"failed"` or `"warning"`: what a texel of this kind means.
+        `"failed"` or `"warning"`.
     meaning : str
-        What the kind is, in words.
+        Description of the kind.
     texels, views : int
-        How many, in how many views.
+        Number of texels, and of views with such texels.
     places : tuple of Place
         At most `MOST_PLACES`, the worst first.
     """
@@ -106,7 +105,7 @@ class Finding:
     places: tuple[Place, ...]
 
     def __str__(self) -> str:
-        """Return what a person reads: `2 texels in 1 view: non-finite (NaN or Inf)`."""
+        """Return the finding in one line: `2 texels in 1 view: non-finite (NaN or Inf)`."""
         texels, views = ("" if count == 1 else "s" for count in (self.texels, self.views))
         return (
             f"{self.texels} texel{texels} in {self.views} view{views}: {self.kind.replace('_', '-')} ({self.meaning})"
@@ -115,32 +114,33 @@ class Finding:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Health:
-    """What `rsibr check` found.
+    """Result of `rsibr check`.
 
     Attributes
     ----------
     bake : str
         Path of the bake.
     views, texels : int
-        Stored views, and texels inside the disk of all of them.
+        Number of stored views, and of texels inside the disk of all views.
     findings : dict of str to Finding
-        One of each of `KINDS`, also where nothing was found.
+        Finding for each of `KINDS`, also if it has no texels.
     largest : float
         Largest finite radiance of all maps [W sr⁻¹ m⁻²].
     relative_error : float
         Median relative standard error of all texels.
     drifts : tuple of Drift
-        Views whose light does not fit the other views'.
+        Views whose mean radiance is inconsistent with the other views.
     above_light : tuple of int
-        Views with a mean radiance above the environment's largest: more than an albedo of 1 can reflect.
+        Views with a mean radiance above the environment's maximum, which no albedo ≤ 1 can reflect.
     energy_note : str
-        Why the energy was not judged; empty where it was.
+        Reason why drift was not tested; empty if it was.
     near_singularity : float or None
         See `rsibr.validation.singularity.near_singularity`; None for a bake that is warped by the normal.
     clamp : float or None
         `sampling.clamp` of the bake.
     pictures : dict of int to ndarray, shape (N, N, 4), uint8
-        Relative standard error of some views in false colour, found texels outlined in the colour of `MARKS`.
+        Relative standard error of some views in false colour, with texels of findings outlined in the colours of
+        `MARKS`.
     """
 
     bake: str
@@ -157,17 +157,17 @@ class Health:
     pictures: dict[int, Rgba]
 
     def __repr__(self) -> str:
-        verdict = "trusted" if self.trusted else "not to be trusted"
+        verdict = "trusted" if self.trusted else "unusable"
         return f"Health({self.views} views, {self.texels} texels: {verdict}, {self.warnings} warnings)"
 
     @property
     def trusted(self) -> bool:
-        """Whether no texel makes the maps unusable: none is NaN, Inf or missing."""
+        """Whether the maps are usable: no texel is NaN, Inf or missing."""
         return not any(finding.texels for finding in self.findings.values() if finding.verdict == "failed")
 
     @property
     def warnings(self) -> int:
-        """How many kinds of findings call for a look without making the maps unusable."""
+        """Number of kinds of warnings: findings that do not make the maps unusable."""
         texels = sum(finding.texels > 0 for finding in self.findings.values() if finding.verdict == "warning")
         return texels + bool(self.drifts) + bool(self.above_light) + (self.clamp is not None)
 
@@ -178,18 +178,18 @@ def assess(
     environment: Callable[[], Environment] | None = None,
     maps: Iterable[MapFile] | None = None,
 ) -> Health:
-    """Look at every map of a bake, at the maps together, and at how new views would read them.
+    """Assess every map of a bake, all maps jointly, and lookups of novel views near singularities.
 
     Parameters
     ----------
     bake : Bake
-        A finished bake. Where its environment's file is gone or has changed, its energy is not judged.
+        A finished bake. If its environment file is missing or has changed, drift is not tested.
     views : sequence of ndarray, shape (3,)
-        New view directions, for the share of texels near a singularity.
+        Novel view directions, for the share of texels near a singularity.
     environment : callable, optional
-        Returns what the bake was made under, or raises an `InputError`; by default it is loaded.
+        Returns the environment of the bake, or raises an `InputError`; by default it is loaded.
     maps : iterable of MapFile, optional
-        The maps of the bake, where they are decoded already; by default they are read one after the other.
+        Maps of the bake if they are decoded already; by default they are read one by one.
 
     Returns
     -------
@@ -197,9 +197,10 @@ def assess(
 
     Notes
     -----
-    False alarms: fireflies below 1e-5 a texel of a bake of 4 to 11 samples, none seen with more (`rsibr.store.health`);
-    drift below 1e-3 a bake where the residuals are Gaussian (`rsibr.validation.health.energy`); the bound by the
-    environment below 3e-7 a channel of a view. All else is counted, not estimated.
+    Probability of false alarms: fireflies below 1e-5 for each texel of a bake of 4 to 11 samples, none observed with
+    more samples (`rsibr.store.health`); drift below 1e-3 for each bake with Gaussian residuals
+    (`rsibr.validation.health.energy`); bound by the environment below 3e-7 for each channel of a view. Other findings
+    are counts, not statistical tests.
     """
     backend.use()
     survey = _Survey(map(bake.map, range(bake.view_count)) if maps is None else maps)
@@ -221,7 +222,7 @@ def assess(
 
 
 class _Survey:
-    """All maps of a bake, looked at one after the other."""
+    """Single pass over all maps of a bake."""
 
     def __init__(self, maps: Iterable[MapFile]) -> None:
         self.texels = 0
@@ -242,7 +243,7 @@ class _Survey:
         return found
 
     def pictures(self) -> dict[int, Rgba]:
-        """Return those with findings, the most first; the noisiest one where there are none."""
+        """Return images of the views with most findings, or of the noisiest one if there are no findings."""
         worst = [drawn for drawn in self._drawn if drawn[0]] or self._drawn[:1]
         return {view: picture for _, _, view, picture in worst}
 
@@ -282,7 +283,7 @@ class _Survey:
 
 
 def _badness(kind: str, map_file: MapFile, seen: MapHealth) -> NDArray[np.float64]:
-    """What texels of a kind are ranked by, the worst highest; 0 where none is worse than another."""
+    """Values by which texels of a kind are ranked, the worst highest; 0 if the kind has no ranking."""
     if kind == "fireflies":
         return seen.relative_error
     if kind == "half_overflow":
@@ -304,7 +305,7 @@ def _place(index: int, map_file: MapFile, row: int, column: int, value: float | 
 
 
 def _rounded(vector: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Six digits: a texel is no sharper, and `-0.0` reads badly."""
+    """Round to six digits, and replace −0 by 0."""
     x, y, z = (round(float(component), 6) + 0.0 for component in vector)
     return x, y, z
 
@@ -323,7 +324,7 @@ def _environment_of(bake: Bake) -> Environment:
 
 
 def _judge_energy(bake: Bake, means: MapMeans, load: Callable[[], Environment]) -> tuple[list[Drift], list[int], str]:
-    """Drifting views, views above the environment, and why they were not judged if they were not."""
+    """Drifting views, views brighter than the environment, and the reason if they could not be tested."""
     try:
         environment = load()
     except InputError as error:
@@ -339,7 +340,7 @@ def _judge_energy(bake: Bake, means: MapMeans, load: Callable[[], Environment]) 
 
 
 def _brightest(environment: Environment) -> NDArray[np.float64] | None:
-    """Largest radiance of a map, a channel each; None for an emitter that is none."""
+    """Maximum radiance of an environment image for each channel; None for other emitters."""
     return None if environment.image is None else environment.image.max(axis=(0, 1)).astype(np.float64)
 
 

@@ -1,4 +1,4 @@
-"""The schema of `health.json`, which `rsibr check --json` prints and `metrics.json` holds."""
+"""Schema of `health.json`, which is also the output of `rsibr check --json` and a part of `metrics.json`."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ class PlaceModel(_Model):
     column: int
     s: Share = Field(description="to the right")
     t: Share = Field(description="upwards")
-    normal: Direction = Field(description="surface normal, world coordinates")
-    reflection: Direction = Field(description="mirrored view direction, world coordinates")
-    value: float | None = Field(description="relative standard error or radiance, by kind; null: no finite number")
+    normal: Direction = Field(description="surface normal in world coordinates")
+    reflection: Direction = Field(description="mirror direction in world coordinates")
+    value: float | None = Field(description="relative standard error or radiance, by kind; null: not finite")
 
 
 class FindingModel(_Model):
     """All texels of one kind."""
 
-    verdict: Literal["failed", "warning"] = Field(description="what a texel of this kind means")
+    verdict: Literal["failed", "warning"] = Field(description="severity of a texel of this kind")
     meaning: str
     texels: int = Field(ge=0)
-    views: int = Field(ge=0, description="views that hold them")
+    views: int = Field(ge=0, description="views with such texels")
     places: list[PlaceModel] = Field(description="at most eight, the worst first")
 
     @classmethod
     def of(cls, finding: Finding) -> FindingModel:
-        """Take over a finding."""
+        """Make the model of a finding."""
         places = [PlaceModel(**vars(place)) for place in finding.places]
         return cls(
             verdict=finding.verdict,
@@ -54,35 +54,35 @@ class FindingModel(_Model):
 
 
 class DriftModel(_Model):
-    """A view whose light does not fit the other views'."""
+    """A view whose mean radiance is inconsistent with the other views."""
 
     view: int
     channel: str
-    ratio: float = Field(description="mean radiance over what the other views predict")
-    p_value: Share = Field(description="two-sided, of this one deviation")
+    ratio: float = Field(description="mean radiance over the prediction from the other views")
+    p_value: Share = Field(description="two-sided p-value of this deviation")
 
 
 class HealthModel(_Model):
-    """Numerical health of the maps. `trusted` is false where a texel is NaN, Inf or missing."""
+    """Numerical health of the maps. `trusted` is false if a texel is NaN, Inf or missing."""
 
     trusted: bool
-    warnings: int = Field(ge=0, description="kinds of findings that call for a look")
+    warnings: int = Field(ge=0, description="number of kinds of warnings")
     views: int
-    texels: int = Field(description="inside the disk, all views")
+    texels: int = Field(description="texels inside the disk, all views")
     findings: dict[str, FindingModel]
     largest: float = Field(description="largest finite radiance")
     relative_error: Positive = Field(description="median relative standard error of the texels")
     drifts: list[DriftModel]
-    above_light: list[int] = Field(description="views brighter on average than the environment's brightest texel")
-    energy_note: str = Field(description="why drifts and above_light were not judged; empty where they were")
+    above_light: list[int] = Field(description="views with a mean radiance above the environment's maximum")
+    energy_note: str = Field(description="reason why drifts and above_light were not tested; empty if they were")
     near_singularity: Share | None = Field(
-        description="share of a new view's texels with a source of confidence below 0.1; null for the normal warp"
+        description="share of a novel view's texels with a source of confidence below 0.1; null for the normal warp"
     )
-    clamp: float | None = Field(description="sampling.clamp of the bake: its maps are too dark where it took effect")
+    clamp: float | None = Field(description="sampling.clamp of the bake; clamped texels are too dark")
 
     @classmethod
     def of(cls, health: Health) -> HealthModel:
-        """Take over what was found."""
+        """Make the model of a health assessment."""
         return cls(
             trusted=health.trusted,
             warnings=health.warnings,

@@ -1,4 +1,4 @@
-"""The health of a bake as files: `health.html`, `health.json`, and the pictures."""
+"""Report on the health of a bake: `health.html`, `health.json`, and images."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ PICTURES_NAME = "pictures"
 
 
 def write_health(health: Health, directory: Path) -> Path:
-    """Write the findings for a person, for a machine, and as pictures.
+    """Write the health report as HTML, as JSON, and as images.
 
     Parameters
     ----------
     health : Health
+        Result of a check.
     directory : Path
-        Made where missing. Files of an earlier check are replaced, each at once; the page comes last.
+        Created if it does not exist. Files of an earlier check are replaced atomically, the page last.
 
     Returns
     -------
     Path
-        The page: `directory / "health.html"`.
+        Path of the page, `directory / "health.html"`.
 
     Raises
     ------
@@ -41,7 +42,7 @@ def write_health(health: Health, directory: Path) -> Path:
 
 
 def write_health_pictures(health: Health, directory: Path) -> None:
-    """Write `pictures/health_view_0000.png` …, in full size; those of an earlier check go."""
+    """Write `pictures/health_view_0000.png` … in full size; files of an earlier check are removed."""
     folder = directory / PICTURES_NAME
     files = {f"health_view_{view:04d}.png": picture for view, picture in health.pictures.items()}
     try:

@@ -1,1 +1,1 @@
-"""What a validation writes: page, tables, pictures."""
+"""Report of a validation: page, tables, images."""

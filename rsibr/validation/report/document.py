@@ -1,4 +1,4 @@
-"""The schema of `metrics.json`, and its writing: strict JSON, without NaN."""
+"""Schema of `metrics.json`, and its serialisation as strict JSON without NaN."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rsibr.validation.results import MethodResult, MethodSummary, Validation, Vi
 
 
 class WorstTexelModel(StrictModel):
-    """The texel with the largest relative squared error, its centre in sphere-map coordinates."""
+    """The texel with the largest relative squared error; s and t are its centre in the sphere map."""
 
     s: Share = Field(description="to the right")
     t: Share = Field(description="upwards")
@@ -30,15 +30,15 @@ class MethodModel(StrictModel):
     rel_mse_zones: dict[str, EstimateModel] = Field(description="inner r < 2/3, middle r < 0.9, rim beyond")
     smape: Share = Field(description="mean of |a−b|/(|a|+|b|)")
     flip: Share = Field(description="mean HDR-FLIP at the exposures given under reference")
-    energy_ratio: float | None = Field(description="Σa/Σb; null where light appears in a black channel")
+    energy_ratio: float | None = Field(description="Σa/Σb; null if a channel is black in the reference only")
     worst_texel: WorstTexelModel
     seconds: Positive = Field(description="time of the whole map")
-    eval_rel_mse: EstimateModel | None = Field(None, description="of eval at single points; null where not judged")
-    eval_seconds: Positive | None = Field(None, description="time of one evaluation; null where not judged")
+    eval_rel_mse: EstimateModel | None = Field(None, description="relMSE of eval at single points; null: not measured")
+    eval_seconds: Positive | None = Field(None, description="time of one evaluation of eval; null: not measured")
 
     @classmethod
     def of(cls, result: MethodResult) -> MethodModel:
-        """Take over a method's result."""
+        """Make the model of a method's result."""
         error = result.error
         red, green, blue = (EstimateModel.of(channel) for channel in error.rel_mse_channels)
         return cls(
@@ -59,15 +59,15 @@ class ViewModel(StrictModel):
     """All methods at one view."""
 
     view: tuple[float, float, float] = Field(description="unit vector from the surface to the viewer, +Y up")
-    label: str = Field(description="why this view was chosen")
-    noise_floor: Positive = Field(description="relMSE of the reference's own noise; taken out of rel_mse")
+    label: str = Field(description="origin of the view")
+    noise_floor: Positive = Field(description="relMSE due to the noise of the reference; subtracted in rel_mse")
     reference_seconds: Positive
     methods: dict[str, MethodModel]
-    lobes: ViewLobesModel | None = Field(description="lobe by lobe; null where nobody looked")
+    lobes: ViewLobesModel | None = Field(description="errors of single lobes; null: not measured")
 
     @classmethod
     def of(cls, view: ViewResult) -> ViewModel:
-        """Take over a view's results."""
+        """Make the model of a view's results."""
         return cls(
             view=view.view,
             label=view.label,
@@ -79,7 +79,7 @@ class ViewModel(StrictModel):
 
 
 class SummaryModel(StrictModel):
-    """One method over all views: means, with the range over the views beside them."""
+    """One method over all views: means, and ranges over the views."""
 
     rel_mse: EstimateModel
     rel_mse_range: Interval
@@ -90,19 +90,19 @@ class SummaryModel(StrictModel):
     worst_texel: Positive = Field(description="largest relative squared error of any texel of any view")
     seconds: Positive = Field(description="mean time of a map")
     seconds_range: Interval
-    eval_rel_mse: EstimateModel | None = Field(None, description="of eval at single points; null where not judged")
-    eval_seconds: Positive | None = Field(None, description="time of one evaluation; null where not judged")
-    prepare_seconds: Positive = Field(0.0, description="to make the method ready: decode, upload, tables, residuals")
-    compile_seconds: Positive = Field(0.0, description="what the first map took longer than the others")
-    bytes: int = Field(ge=0, description="what the method reads from disk: the bake")
+    eval_rel_mse: EstimateModel | None = Field(None, description="relMSE of eval at single points; null: not measured")
+    eval_seconds: Positive | None = Field(None, description="time of one evaluation of eval; null: not measured")
+    prepare_seconds: Positive = Field(0.0, description="preparation: decode, upload, tables, residuals")
+    compile_seconds: Positive = Field(0.0, description="extra time of the first map: tracing and compilation")
+    bytes: int = Field(ge=0, description="size on disk of the bake that the method reads")
     path_tracing_seconds: Positive = Field(description="time of a path-traced map of equal relMSE")
     break_even_views: int | None = Field(
-        description="views after which bake, preparation and compilation have paid for themselves; null: never"
+        description="views from which bake and reconstruction take no more time than path tracing; null: never"
     )
 
     @classmethod
     def of(cls, summary: MethodSummary, size: int) -> SummaryModel:
-        """Take over a method's summary."""
+        """Make the model of a method's summary; `size` is that of the bake on disk [bytes]."""
         values: dict[str, Any] = dict(vars(summary))
         values["rel_mse"] = EstimateModel.of(summary.rel_mse)
         values["eval_rel_mse"] = None if summary.eval_rel_mse is None else EstimateModel.of(summary.eval_rel_mse)
@@ -111,7 +111,7 @@ class SummaryModel(StrictModel):
 
 
 class BakeModel(StrictModel):
-    """What was baked and what it cost."""
+    """Contents and cost of the bake."""
 
     name: str
     material: str
@@ -125,7 +125,7 @@ class BakeModel(StrictModel):
 
 
 class FlipModel(StrictModel):
-    """Exposures [stops] at which HDR-FLIP looked, the same for all views and methods."""
+    """Exposures [stops] of HDR-FLIP, the same for all views and methods."""
 
     start: float
     stop: float
@@ -133,27 +133,27 @@ class FlipModel(StrictModel):
 
 
 class ReferenceModel(StrictModel):
-    """The path-traced truth of all views."""
+    """The path-traced references of all views."""
 
-    samples: int = Field(description="samples a texel, all buffers together")
+    samples: int = Field(description="samples a texel, total of all buffers")
     buffers: int
     sampler: str
-    seconds: Positive = Field(description="rendering time of all views together, nothing compiled")
+    seconds: Positive = Field(description="total rendering time of all views, without compilation")
     compile_seconds: Positive
     noise_floor: Positive = Field(description="mean over the views")
     flip_exposures: FlipModel
 
 
 class MetricsDocument(StrictModel):
-    """`metrics.json`: how far each method's maps are from path-traced truth, and what they cost. Times in seconds."""
+    """`metrics.json`: errors of each method against path-traced references, and costs. Times in seconds."""
 
     schema_version: Literal[1] = Field(alias="schema")
     bake: BakeModel
     reference: ReferenceModel
     views: list[ViewModel]
     summary: dict[str, SummaryModel]
-    lobes: LobesModel | None = Field(description="the lobes over all views; null where nobody looked")
-    health: HealthModel | None = Field(description="numerical health of the bake; null where nobody looked")
+    lobes: LobesModel | None = Field(description="errors of single lobes over all views; null: not measured")
+    health: HealthModel | None = Field(description="numerical health of the bake; null: not assessed")
     plan: Plan | None = Field(description="effects that the bake simulated or left out; null in bakes without a plan")
 
     def to_json(self) -> str:
@@ -162,16 +162,17 @@ class MetricsDocument(StrictModel):
 
 
 def metrics_document(validation: Validation) -> MetricsDocument:
-    """Put a validation into the shape of `metrics.json`.
+    """Convert a validation to the schema of `metrics.json`.
 
     Parameters
     ----------
     validation : Validation
+        Result of a validation.
 
     Returns
     -------
     MetricsDocument
-        `to_json()` gives the file's text; `model_dump(mode="json", by_alias=True)` what `validate --json` prints.
+        `to_json()` returns the text of the file.
     """
     references = [view.reference for view in validation.views]
     return MetricsDocument(

@@ -1,4 +1,4 @@
-"""What the parts of `metrics.json` share: strict models, and an estimate with its interval."""
+"""Common models of the parts of `metrics.json`: strict base class, and an estimate with its interval."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ Interval = tuple[float, float]
 
 
 class StrictModel(BaseModel):
-    """No unknown keys, no NaN, no change."""
+    """Immutable model without unknown keys, NaN or Inf."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class EstimateModel(StrictModel):
-    """A debiased relMSE with its confidence interval of 95 %, from the noise of the reference."""
+    """A debiased relMSE with its 95 % confidence interval, due to the noise of the reference."""
 
     value: float
     ci95: Interval
-    below_noise_floor: bool = Field(description="the interval holds 0: the reference cannot tell this error from none")
+    below_noise_floor: bool = Field(description="the interval contains 0: the error is not significant")
 
     @classmethod
     def of(cls, estimate: Estimate) -> EstimateModel:
-        """Take over an estimate."""
+        """Make the model of an estimate."""
         return cls(value=estimate.value, ci95=estimate.ci95, below_noise_floor=estimate.below_noise_floor)

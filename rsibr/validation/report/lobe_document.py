@@ -1,4 +1,4 @@
-"""The part of `metrics.json` about lobes."""
+"""Schema of the part of `metrics.json` about lobes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from rsibr.validation.report.estimate_document import EstimateModel, Interval, P
 class LobeErrorModel(StrictModel):
     """One lobe at one view."""
 
-    rel_mse: EstimateModel = Field(description="squared error of the lobe over the denominator of the whole's relMSE")
-    light: float = Field(description="share of the lobe in the light of the map")
+    rel_mse: EstimateModel = Field(description="squared error of the lobe over the denominator of the map's relMSE")
+    light: float = Field(description="share of the lobe in the radiance of the map")
 
     @classmethod
     def of(cls, error: LobeError) -> LobeErrorModel:
-        """Take over a lobe's error."""
+        """Make the model of a lobe's error."""
         return cls(rel_mse=EstimateModel.of(error.rel_mse), light=error.light)
 
 
@@ -31,36 +31,36 @@ class ViewLobesModel(StrictModel):
 
     @classmethod
     def of(cls, lobes: ViewLobes) -> ViewLobesModel:
-        """Take over a view's lobes."""
+        """Make the model of a view's lobes."""
         return cls(worst=lobes.worst, errors={name: LobeErrorModel.of(error) for name, error in lobes.errors.items()})
 
 
 class LobeSummaryModel(StrictModel):
-    """One lobe over all views: means, with the range over the views beside them."""
+    """One lobe over all views: means, and ranges over the views."""
 
     rel_mse: EstimateModel
     rel_mse_range: Interval
     light: float
-    worst_views: int = Field(ge=0, description="views at which no lobe has a larger error")
+    worst_views: int = Field(ge=0, description="number of views at which this lobe has the largest error")
 
     @classmethod
     def of(cls, summary: LobeSummary) -> LobeSummaryModel:
-        """Take over a lobe's summary."""
+        """Make the model of a lobe's summary."""
         return cls(**{**vars(summary), "rel_mse": EstimateModel.of(summary.rel_mse)})
 
 
 class LobesModel(StrictModel):
-    """Each lobe's part in the maps of a method, against the bake's own integrator: no path tracer tells lobes apart."""
+    """Errors of each lobe in the maps of a method, against lobe-resolved references by the integrator of the bake."""
 
     method: str
-    samples: int = Field(description="samples a texel of a lobe-resolved reference, all buffers together")
+    samples: int = Field(description="samples a texel of a lobe-resolved reference, total of all buffers")
     buffers: int
-    seconds: Positive = Field(description="time of the lobe-resolved references of all views, compiling included")
+    seconds: Positive = Field(description="time of the lobe-resolved references of all views, including compilation")
     summary: dict[str, LobeSummaryModel]
 
     @classmethod
     def of(cls, views: Sequence[ViewLobes]) -> LobesModel:
-        """Take over the lobes of all views."""
+        """Make the model of the lobes of all views."""
         return cls(
             method=default_method(),
             samples=views[0].samples,

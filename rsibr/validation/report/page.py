@@ -1,4 +1,4 @@
-"""HTML pages from templates: one file that holds all it shows, numbers written as a person reads them."""
+"""Self-contained HTML pages from templates, with formatted numbers."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from rsibr.validation.report.pictures import FLIP, RELATIVE_ERROR, Rgba, Scale
 from rsibr.version import __version__
 
 _LONGEST_EMBEDDED = 256
-"""Texels a side that the page holds of each picture; the files in `pictures/` hold all."""
+"""Maximum texels a side of the images in the page; the files in `pictures/` have full size."""
 
 
 def render(template: str, **values: Any) -> str:
-    """Fill in a template.
+    """Render a template.
 
     Parameters
     ----------
     template : str
-        File name, in `validation/report` or `validation/health`.
+        File name in `validation/report` or `validation/health`.
     **values
-        What the template names.
+        Variables of the template.
 
     Returns
     -------
     str
-        HTML that refers to nothing outside itself.
+        Self-contained HTML.
     """
     loader = ChoiceLoader([PackageLoader(f"rsibr.validation.{room}", ".") for room in ("report", "health")])
     environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
@@ -58,22 +58,22 @@ def _embedded(picture: Rgba) -> str:
 
 
 def _ticks(scale: Scale) -> list[tuple[float, str]]:
-    """Places on the bar in per cent, and their text."""
+    """Positions on the bar in per cent, and labels."""
     return [(100 * float(scale.position(value)), text) for value, text in scale.ticks]
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Write a number for a person, as `readable` does; a dash for None."""
+    """Format a number as `readable` does; a dash for None."""
     return "–" if value is None else _kept_together(readable(value, digits))
 
 
 def estimate(value: Estimate) -> str:
-    """Write an estimate with its interval for a person."""
+    """Format an estimate with its interval."""
     return _kept_together(str(value))
 
 
 def duration(seconds: float) -> str:
-    """Write a time for a person: `420 ns`, `2.5 ms`, `12.3 s`, `3 min 20 s`, `2 h 05 min`."""
+    """Format a time: `420 ns`, `2.5 ms`, `12.3 s`, `3 min 20 s`, `2 h 05 min`."""
     if 0 < seconds < 1e-5:
         return _kept_together(f"{readable(seconds * 1e9)} ns")
     if seconds < 1.0:
@@ -86,11 +86,11 @@ def duration(seconds: float) -> str:
 
 
 def size(count: int) -> str:
-    """Write a number of bytes for a person: `3.20 MiB`."""
+    """Format a number of bytes: `3.20 MiB`."""
     exponent = min(int(math.log2(count) // 10), 4) if count > 0 else 0
     return _kept_together(f"{readable(count / 1024**exponent)} {('B', 'KiB', 'MiB', 'GiB', 'TiB')[exponent]}")
 
 
 def _kept_together(text: str) -> str:
-    """Text that a line does not break within."""
+    """Replace spaces by non-breaking spaces."""
     return text.replace(" ", "\u00a0")

@@ -1,4 +1,4 @@
-"""Pictures that a person looks at: tone-mapped radiance, errors in false colour on a fixed scale, PNG."""
+"""Images of reports: tone-mapped radiance, errors in false colour on a fixed scale, PNG encoding."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ _BRIGHT = 0.8
 
 @dataclass(frozen=True)
 class Scale:
-    """How false colour shows a number.
+    """Scale of a false-colour image.
 
     Attributes
     ----------
     label : str
-        What the number is.
+        Name of the quantity.
     low, high : float
-        Ends of the colour bar; what lies beyond takes the colour of the end.
+        Ends of the colour bar; values beyond are clamped.
     logarithmic : bool
-        Whether equal steps of colour are equal ratios.
+        Whether the scale is logarithmic.
     ticks : tuple of (float, str)
-        Values to mark, and their text.
+        Values to mark, and their labels.
     """
 
     label: str
@@ -44,7 +44,7 @@ class Scale:
     ticks: tuple[tuple[float, str], ...]
 
     def position(self, value: NDArray[np.floating] | float) -> NDArray[np.float64]:
-        """Place of a value on the bar, 0 at its low end, 1 at its high end; NaN stays NaN."""
+        """Position of a value on the bar: 0 at its low end, 1 at its high end; NaN remains NaN."""
         low, high, x = self.low, self.high, np.asarray(value, dtype=np.float64)
         if self.logarithmic:
             low, high, x = np.log(low), np.log(high), np.log(np.maximum(x, low))
@@ -57,20 +57,21 @@ RELATIVE_ERROR = Scale(
 FLIP = Scale("HDR-FLIP", 0.0, 1.0, False, ((0.0, "0"), (0.25, "0.25"), (0.5, "0.5"), (0.75, "0.75"), (1.0, "1")))
 
 COLOUR_MAP = "magma"
-"""Perceptually even, readable without colour vision; FLIP's own choice."""
+"""Perceptually uniform, readable without colour vision; the default of FLIP."""
 
 
 def display_exposure(references: Sequence[Reference]) -> float:
-    """Factor on radiance that shows all these maps well: one for a whole report.
+    """Exposure, a factor on radiance, for all images of a report.
 
     Parameters
     ----------
     references : sequence of Reference
+        References of all views.
 
     Returns
     -------
     float
-        Brings the 95th percentile of the brightest channel of all covered texels to 0.8; 1 where all is black.
+        Maps the 95th percentile of the maximum channel of texels with coverage ≥ ½ to 0.8; 1 if that is black.
     """
     brightest = np.concatenate([r.mean[r.coverage >= 0.5].max(axis=-1) for r in references])
     bright = float(np.percentile(brightest, _BRIGHT_PERCENTILE))
@@ -78,16 +79,16 @@ def display_exposure(references: Sequence[Reference]) -> float:
 
 
 def tone_mapped(image: NDArray[np.floating], coverage: NDArray[np.floating], exposure: float) -> Rgba:
-    """Radiance as a screen shows it: a fixed exposure, clipped, sRGB.
+    """Convert radiance to sRGB: fixed exposure, clipping, transfer function.
 
     Parameters
     ----------
     image : ndarray, shape (H, W, 3)
-        Scene-linear Rec.709. What is not covered may hold anything.
+        Scene-linear Rec.709; ignored where coverage is 0.
     coverage : ndarray, shape (H, W)
-        Becomes the opacity.
+        Opacity of the result.
     exposure : float
-        Factor on radiance; the same for all pictures that are to be compared.
+        Factor on radiance; the same for all images to be compared.
 
     Returns
     -------
@@ -99,7 +100,7 @@ def tone_mapped(image: NDArray[np.floating], coverage: NDArray[np.floating], exp
 
 
 def false_colour(values: NDArray[np.floating], scale: Scale) -> Rgba:
-    """Numbers as colours; transparent where NaN.
+    """Convert numbers to colours; transparent where NaN.
 
     Parameters
     ----------
@@ -117,7 +118,7 @@ def false_colour(values: NDArray[np.floating], scale: Scale) -> Rgba:
 
 
 def outlined(picture: Rgba, found: NDArray[np.bool_], colour: tuple[int, int, int]) -> Rgba:
-    """Draw a square around each found texel, wide enough to be seen, the texel itself left as it is.
+    """Draw a visible square around each texel of `found`, without changing the texel itself.
 
     Parameters
     ----------
@@ -129,7 +130,7 @@ def outlined(picture: Rgba, found: NDArray[np.bool_], colour: tuple[int, int, in
     Returns
     -------
     ndarray, shape (H, W, 4), uint8
-        A new picture; squares of neighbouring texels merge into one outline.
+        New image; squares of neighbouring texels merge into one outline.
     """
     reach = max(2, len(found) // 40)
     inner, outer = (binary_dilation(found, np.ones((2 * r + 1, 2 * r + 1), np.bool_)) for r in (reach - 1, reach))
@@ -137,13 +138,13 @@ def outlined(picture: Rgba, found: NDArray[np.bool_], colour: tuple[int, int, in
 
 
 def bar_colours(count: int = 17) -> list[str]:
-    """Colours along the bar of every scale, as CSS writes them."""
+    """Colours along the bar of every scale, as CSS hex codes."""
     steps = _to_bytes(colormaps[COLOUR_MAP](np.linspace(0.0, 1.0, count)))
     return [f"#{r:02x}{g:02x}{b:02x}" for r, g, b, _ in steps.tolist()]
 
 
 def shrunk(picture: Rgba, longest: int) -> Rgba:
-    """Average whole blocks of a picture until no side is longer than `longest`; smaller ones stay as they are."""
+    """Downsample an image by averaging blocks so that no side exceeds `longest`; smaller images are unchanged."""
     block = -(-max(picture.shape[:2]) // longest)
     if block == 1:
         return picture
@@ -157,14 +158,14 @@ def shrunk(picture: Rgba, longest: int) -> Rgba:
 
 
 def png(picture: Rgba) -> bytes:
-    """Encode a picture of shape (H, W, 4)."""
+    """Encode an image of shape (H, W, 4) as PNG."""
     stream = io.BytesIO()
     imsave(stream, picture, format="png")
     return stream.getvalue()
 
 
 def data_uri(picture: Rgba) -> str:
-    """Encode a picture so that an HTML page holds it itself."""
+    """Encode an image as a data URI, to embed it in HTML."""
     return "data:image/png;base64," + base64.b64encode(png(picture)).decode("ascii")
 
 

@@ -1,4 +1,4 @@
-"""The report of a validation: one HTML page that holds all it shows, `metrics.json`, and the pictures as files."""
+"""Report of a validation: one self-contained HTML page, `metrics.json`, and images as files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PICTURES_NAME = "pictures"
 
 @dataclass(frozen=True, eq=False)
 class _LobePictures:
-    """Pictures of one lobe at one view."""
+    """Images of one lobe at one view."""
 
     reference: Rgba
     image: Rgba
@@ -35,7 +35,7 @@ class _LobePictures:
 
 @dataclass(frozen=True, eq=False)
 class _ViewPictures:
-    """Pictures of one view: of each method by name, of the reference, and of each lobe by name."""
+    """Images of one view: of the reference, of each method by name, and of each lobe by name."""
 
     reference: Rgba
     noise: Rgba
@@ -45,7 +45,7 @@ class _ViewPictures:
     lobes: dict[str, _LobePictures]
 
     def named(self, number: int) -> Iterator[tuple[str, Rgba]]:
-        """File names and pictures."""
+        """Yield file names and images."""
         yield f"view_{number:02d}_reference.png", self.reference
         yield f"view_{number:02d}_reference_noise.png", self.noise
         for kind, by_method in (("", self.images), ("_error", self.errors), ("_flip", self.flips)):
@@ -57,18 +57,19 @@ class _ViewPictures:
 
 
 def write_report(validation: Validation, directory: Path) -> Path:
-    """Write the report, the metrics and the pictures.
+    """Write report, metrics and images.
 
     Parameters
     ----------
     validation : Validation
+        Result of a validation.
     directory : Path
-        Made where missing. Files of an earlier report are replaced, each at once; the page comes last.
+        Created if it does not exist. Files of an earlier report are replaced atomically, the page last.
 
     Returns
     -------
     Path
-        The page: `directory / "report.html"`.
+        Path of the page, `directory / "report.html"`.
 
     Raises
     ------

@@ -162,7 +162,7 @@ def test_a_bake_whose_lobes_were_not_kept_apart_is_refused_in_one_line(name, sma
     without = Bake(whole.path, whole.manifest.model_copy(update={"lobes": ()}))
     assert set(MODELLED).isdisjoint(available(without))
     assert set(available(without)) < set(method_names())
-    with pytest.raises(BakeError, match=r"its lobes were not kept apart.*effects\.lobes") as refused:
+    with pytest.raises(BakeError, match=r"its lobes are not stored separately.*effects\.lobes") as refused:
         MethodSet(without)[name]
     assert "\n" not in str(refused.value)
 

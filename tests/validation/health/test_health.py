@@ -230,7 +230,7 @@ def test_the_files_hold_what_was_found(sound, tmp_path):
     )
     page = Page()
     page.feed((out / "health.html").read_text(encoding="utf-8"))
-    assert "Not to be trusted" in page.text
+    assert "Unusable" in page.text
     assert f"{SICK}, 10, 21" in page.text
     assert page.open == []
     assert all(reference.startswith("data:image/png;base64,") for reference in page.references)

@@ -157,9 +157,9 @@ def test_the_page_names_the_worst_lobe_of_each_view(validation, tmp_path):
     parsed = Page()
     parsed.feed(write_report(with_lobes(validation), tmp_path).read_text(encoding="utf-8"))
     first, second = parsed.text.split("View 2")
-    assert "Of the lobes of rsibr, coat makes the largest error here" in first
-    assert "Of the lobes of rsibr, diffuse makes the largest error here" in second
-    assert "No path tracer can say" in first
+    assert "Of the lobes of rsibr, coat has the largest error here" in first
+    assert "Of the lobes of rsibr, diffuse has the largest error here" in second
+    assert "A path tracer cannot separate lobes" in first
     assert parsed.tags.count("img") == 2 * (2 + 3 * 3) + 2 * 2 * 3  # of each lobe its reference, our part, the error
     assert parsed.open == []
     names = {path.name for path in (tmp_path / "pictures").iterdir()}
