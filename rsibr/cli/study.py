@@ -66,7 +66,7 @@ def _print(found: Study) -> None:
 
     frames = found.document.judge.frames
     for scene, analysis in found.scenes:
-        typer.echo(f"\n{scene.name}: Pareto front of relMSE and time, for the bake and {frames} images")
+        typer.echo(f"\n{scene.name}: Pareto front of relMSE and time, for bake, preparation and {frames} images")
         by_label = {point.label: point for point in scene.points}
         rivals = {row.label: row for row in analysis.rivals}
         for label in analysis.job_front:
@@ -78,4 +78,6 @@ def _print(found: Study) -> None:
     typer.echo("\ngain of doubling the time, mean over the scenes")
     for sentence in answer(found.document.doubling, frames):
         typer.echo(f"  {sentence}")
+    document = found.document
+    typer.echo(f"forecast {duration(document.expected_seconds)}, took {duration(document.seconds)}")
     typer.echo(f"report: {found.out / 'study.html'}")

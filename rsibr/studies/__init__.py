@@ -1,1 +1,1 @@
-"""Accuracy against time: sweeps over what a bake can spend on, their fronts, and what twice the time buys."""
+"""Accuracy against time: parameter sweeps, convergence, Pareto fronts, and the gain of twice the time."""

@@ -1,4 +1,4 @@
-"""What a study has to do: which bakes, and which pictures are made of each."""
+"""Agenda of a study: its bakes, and the variants of reconstruction that are measured on each."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from rsibr.studies.axes import PER_TEXEL
 from rsibr.studies.config import StudyConfig, SweepConfig
 
 NO_WEIGHTS = "none"
-"""Weights of a method that has none to choose."""
+"""Weights of a method without the option `weights`."""
 
 
 @dataclass(frozen=True)
 class BakeSize:
-    """What a bake spends on.
+    """Parameters that fix the cost of a bake.
 
     Attributes
     ----------
     samples, resolution : int
         Samples a texel, texels a side.
     subdivision : int or None
-        Of the icosahedron; None for the user's own views.
+        Subdivision of the icosahedron; None for views from a file.
     """
 
     samples: int
@@ -38,7 +38,7 @@ class BakeSize:
             {**scene.sampling.model_dump(exclude={"target_error", "time_budget_s"}), "samples": self.samples}
         )
         views = scene.views if self.subdivision is None else ViewsConfig(subdivision=self.subdivision)
-        # A study asks what views are worth: it takes them where a plan would do without
+        # A study measures the effect of stored views, so that all are baked even where a plan needs only one
         effects = scene.effects.model_copy(update={"view_dependence": "on"})
         resolution = MapConfig(resolution=self.resolution)
         changed = {"sampling": sampling, "map": resolution, "views": views, "effects": effects, "budget": None}
@@ -47,12 +47,12 @@ class BakeSize:
 
 @dataclass(frozen=True)
 class Variant:
-    """How a picture is made of a bake: see `SweepConfig`.
+    """One way to make a picture from a bake; see `SweepConfig`.
 
     Attributes
     ----------
     method, warp, weights, precision : str
-        With `NO_WEIGHTS` for the weights of a method that has none to choose.
+        `weights` is `NO_WEIGHTS` where the method has no such option.
     """
 
     method: str
@@ -60,12 +60,17 @@ class Variant:
     weights: str
     precision: str
 
+    @property
+    def has_own_weights(self) -> bool:
+        """Whether the weights are the default of the method."""
+        return self.weights == own_weights(self.method)
+
     def __str__(self) -> str:
-        """Name what differs from the method as it is."""
+        """Name of the method and of every setting that is not its default."""
         parts = [self.method]
         if self.warp != PER_TEXEL:
             parts.append(self.warp)
-        if self.weights != own_weights(self.method):
+        if not self.has_own_weights:
             parts.append(f"{self.weights} weights")
         if self.precision != "float32":
             parts.append(self.precision)
@@ -73,21 +78,21 @@ class Variant:
 
 
 Agenda = dict[BakeSize, list[Variant]]
-"""The bakes of one scene, each with the ways to make a picture of it."""
+"""The bakes of one scene, each with its variants."""
 
 
 def agenda_of(study: StudyConfig) -> Agenda:
-    """Unite the sweeps of a study: every bake and every picture once.
+    """Unite the sweeps of a study; every bake and every variant occurs once.
 
     Parameters
     ----------
     study : StudyConfig
-        Its scenes are alike but for material and environment: the agenda is that of each of them.
+        All its scenes have the same agenda: they differ in material and environment only.
 
     Raises
     ------
     InputError
-        If a sweep asks for nothing that a method could do, or for what the base config rules out.
+        If no method can do what a sweep asks for, or the base config rules it out.
     """
     agenda: Agenda = {}
     for number, sweep in enumerate(study.sweep, 1):
@@ -120,7 +125,7 @@ def _sizes(sweep: SweepConfig, base: Config, where: str) -> list[BakeSize]:
 
 
 def _variants(sweep: SweepConfig, methods: tuple[str, ...]) -> list[Variant]:
-    """All combinations that mean something, each once."""
+    """All combinations that the methods support, each once."""
     made = (
         _variant(*combination)
         for combination in product(sweep.method or methods, sweep.warp, sweep.weights, sweep.precision)
@@ -130,7 +135,7 @@ def _variants(sweep: SweepConfig, methods: tuple[str, ...]) -> list[Variant]:
 
 def _variant(method: str, warp: str, weights: str, precision: str) -> Variant | None:
     found = registration(method)
-    if "mesh" in found.fixed:  # a name for another method through the mesh that it has by default
+    if "mesh" in found.fixed:  # an alias of another method with a fixed mesh
         mesh: DiskMesh = found.fixed["mesh"]
         method, warp = found.alias_of, f"mesh-{mesh.rings}x{mesh.sectors}" if warp == PER_TEXEL else warp
     if warp != PER_TEXEL and "mesh" not in registration(method).options:
@@ -141,6 +146,11 @@ def _variant(method: str, warp: str, weights: str, precision: str) -> Variant | 
     return Variant(method, warp, own if weights == "own" else weights, precision)
 
 
+def variant_as_is(method: str) -> Variant:
+    """Return the variant of a method with all settings at their defaults."""
+    return Variant(method, PER_TEXEL, own_weights(method), "float32")
+
+
 def own_weights(method: str) -> str:
-    """Barycentric weights that a method takes by itself; `NO_WEIGHTS` where it has none to choose."""
+    """Default barycentric weights of a method; `NO_WEIGHTS` where it has no such option."""
     return str(registration(method).options.get("weights", NO_WEIGHTS))

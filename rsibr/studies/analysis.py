@@ -1,4 +1,4 @@
-"""What the points of one scene say together: convergence, fronts, and the tables against path tracing."""
+"""Analysis of the points of one scene: convergence, Pareto fronts, comparison with path tracing."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from rsibr.studies.results import PathTracingRecord, PointRecord, Positive, Reco
 from rsibr.validation.results import break_even_views
 
 JOBS = (1, 10, 100, 1000, 10_000)
-"""Pictures of the jobs for which the crossover is told."""
+"""Numbers of pictures for which the crossover with path tracing is computed."""
 
 COSTS: dict[str, Callable[[PointRecord], float]] = {
-    "bake_seconds": lambda point: point.bake.seconds.median,
+    "once_seconds": lambda point: point.once_seconds,
     "bytes": lambda point: float(point.bytes),
     "frame_seconds": lambda point: point.frame_seconds.median,
 }
-"""Costs that a front is drawn over."""
+"""Costs, each with a Pareto front."""
 
 
 class SlopeRecord(Record):
@@ -33,69 +33,75 @@ class SlopeRecord(Record):
 
     @classmethod
     def of(cls, law: PowerLaw) -> SlopeRecord:
-        """Take over a fit."""
+        """Record of a fit."""
         return cls(slope=law.slope, ci95=law.ci95, scale=law.scale, seconds=law.range)
 
     @property
     def law(self) -> PowerLaw:
-        """The fit itself."""
+        """The fitted power law."""
         return PowerLaw(self.slope, self.scale, self.ci95, self.seconds)
 
 
 class ConvergenceRecord(Record):
-    """Points that differ in the bake's samples alone: relMSE = bias + noise/samples."""
+    """Fit of relMSE = bias + noise/samples to points that differ only in the samples of the bake."""
 
     label: str
     points: list[str] = Field(description="labels, by rising samples")
-    slope: SlopeRecord | None = Field(description="of error against bake seconds; null where an error is not positive")
-    bias: Positive = Field(description="fitted: what no number of samples takes away")
+    slope: SlopeRecord | None = Field(
+        description="of error against the rendering time of the views; null where an error is not positive"
+    )
+    bias: Positive = Field(description="fitted: the error in the limit of many samples")
     noise: Positive = Field(description="fitted, times samples")
     predicted_noise: Positive = Field(
         description="from the stored variance, times samples: geometric mean of the points"
     )
     flattens_at_samples: float | None = Field(description="where noise and bias are equal; null without a bias")
-    flattens_at_seconds: float | None = Field(description="the same in seconds of baking")
+    flattens_at_seconds: float | None = Field(description="the same in rendering time of the views")
 
 
 class FrontRecord(Record):
     """A Pareto front of relMSE over one cost."""
 
-    on: list[str] = Field(description="labels, by rising cost")
-    dominated: dict[str, str] = Field(description="every other point, and the one to take instead")
+    on: list[str] = Field(description="labels, in ascending order of cost")
+    dominated: dict[str, str] = Field(description="every other point, and a point with less error at no more cost")
 
 
 class RivalRow(Record):
-    """A point against path tracing: at equal time of the whole job, and at equal error."""
+    """A point compared with path tracing at equal time of the whole job and at equal error."""
 
     label: str
     rel_mse: float
-    job_seconds: Positive = Field(description="to bake and to make all pictures of the job")
-    path_tracing_rel_mse: Positive = Field(description="what path tracing reaches in the same time")
+    job_seconds: Positive = Field(description="bake, preparation, compilation and all pictures of the job")
+    path_tracing_rel_mse: Positive = Field(description="relMSE of path tracing in the same time")
     frame_seconds: Positive
-    path_tracing_seconds: float | None = Field(description="a picture of equal relMSE; null where that is not positive")
-    break_even_views: int | None = Field(description="pictures after which the bake has paid for itself; null: never")
-    extrapolated: bool = Field(description="path tracing's error or time lies beyond what was measured of it")
+    path_tracing_seconds: float | None = Field(
+        description="path-traced picture of equal relMSE; null if that is not positive"
+    )
+    break_even_views: int | None = Field(
+        description="pictures after which bake, preparation and compilation have paid for themselves; null: never"
+    )
+    extrapolated: bool = Field(description="the value for path tracing lies outside the measured range")
 
 
 class CrossoverRecord(Record):
-    """For a job of so many pictures: from when to when a bake does better than path tracing in the same time."""
+    """Range of job times in which a bake has less error than path tracing, for one number of pictures."""
 
     pictures: int
     from_seconds: float | None = Field(description="of the whole job; null: never")
     from_point: str | None
-    until_seconds: float | None = Field(description="where path tracing overtakes the best point; null: never")
+    until_seconds: float | None = Field(description="when path tracing reaches the error of that point; null: never")
     until_point: str | None
 
 
 class SceneAnalysis(Record):
-    """What the points of a scene say together."""
+    """Everything that follows from the points of a scene."""
 
     path_tracing: SlopeRecord
-    progressive: SlopeRecord = Field(description="path tracing in passes: -1 where the passes are independent")
+    progressive: SlopeRecord = Field(description="path tracing in passes; the slope is -1 for independent passes")
     convergence: list[ConvergenceRecord]
-    fronts: dict[str, FrontRecord] = Field(description="over bake_seconds, bytes and frame_seconds")
-    job_front: list[str] = Field(description="points that nothing beats in error and time of the whole job")
-    rivals: list[RivalRow] = Field(description="every point, in the order of its job's time")
+    fronts: dict[str, FrontRecord] = Field(description="over once_seconds, bytes and frame_seconds")
+    job_front: list[str] = Field(description="Pareto front of error over the time of the whole job")
+    rivals: list[RivalRow] = Field(description="every point, in ascending order of job_seconds")
     crossover: list[CrossoverRecord]
 
 
@@ -106,7 +112,7 @@ def analyse(scene: SceneRecord, frames: int) -> SceneAnalysis:
     ----------
     scene : SceneRecord
     frames : int
-        Pictures of the job that `rivals` and `job_front` are told for.
+        Pictures of the job in `rivals` and `job_front`.
     """
     law, points = _law(scene.path_tracing), scene.points
     on = front_of([point.job_seconds(frames) for point in points], [point.rel_mse for point in points]).on
@@ -123,14 +129,14 @@ def analyse(scene: SceneRecord, frames: int) -> SceneAnalysis:
 
 
 def _law(pictures: Sequence[PathTracingRecord]) -> PowerLaw:
-    """Error over time of path tracing; what its reference cannot tell from none counts as the least that it can."""
+    """Power law of the error of path tracing over time; errors below the noise floor count as the noise floor."""
     errors = [max(p.error.rel_mse.value, p.error.rel_mse.ci95[1] - p.error.rel_mse.value) for p in pictures]
     tiny = float(np.finfo(np.float32).tiny)
     return fit_power_law([p.seconds.median for p in pictures], [max(error, tiny) for error in errors])
 
 
 def convergence_of(points: Sequence[PointRecord]) -> list[ConvergenceRecord]:
-    """Fit every curve that has three numbers of samples or more."""
+    """Fit every curve with at least three numbers of samples."""
     curves: dict[str, list[PointRecord]] = {}
     for point in sorted(points, key=lambda point: point.bake.samples):
         curves.setdefault(point.curve, []).append(point)
@@ -138,7 +144,8 @@ def convergence_of(points: Sequence[PointRecord]) -> list[ConvergenceRecord]:
 
 
 def _convergence(label: str, curve: Sequence[PointRecord]) -> ConvergenceRecord:
-    samples, seconds = [p.bake.samples for p in curve], [p.bake.seconds.median for p in curve]
+    # Rendering time alone, as of the path-traced pictures: set-up is constant and would bend the line
+    samples, seconds = [p.bake.samples for p in curve], [p.bake.views_seconds.median for p in curve]
     errors = [p.rel_mse for p in curve]
     known = [(n, e) for n, e in zip(samples, errors, strict=True) if e > 0]
     flattening = fit_flattening(*zip(*known, strict=True)) if len(known) >= 2 else None
@@ -157,7 +164,7 @@ def _convergence(label: str, curve: Sequence[PointRecord]) -> ConvergenceRecord:
 
 
 def _seconds_at(samples: Sequence[float], seconds: Sequence[float], wanted: float) -> float:
-    """Baking time at a number of samples: a share that every bake has, and one that grows with the samples."""
+    """Rendering time at a number of samples, from a straight line through the measured times."""
     rate, start = np.polyfit(samples, seconds, 1)
     return float(max(start + rate * wanted, 0.0))
 
@@ -179,13 +186,13 @@ def _rival(point: PointRecord, law: PowerLaw, frames: int) -> RivalRow:
         path_tracing_rel_mse=law.at(job / frames),
         frame_seconds=frame,
         path_tracing_seconds=equal,
-        break_even_views=None if equal is None else break_even_views(point.bake.seconds.median, equal, frame),
+        break_even_views=None if equal is None else break_even_views(point.once_seconds, equal, frame),
         extrapolated=any(not law.range[0] <= seconds <= law.range[1] for seconds in asked),
     )
 
 
 def crossover(points: Sequence[PointRecord], law: PowerLaw, pictures: int) -> CrossoverRecord:
-    """Find from when to when, in seconds of a whole job, some point does better than path tracing in the same time.
+    """Find the range of job times in which some point has less error than path tracing in the same time.
 
     Parameters
     ----------
@@ -193,7 +200,7 @@ def crossover(points: Sequence[PointRecord], law: PowerLaw, pictures: int) -> Cr
     law : PowerLaw
         relMSE of a path-traced picture against its seconds.
     pictures : int
-        Pictures of the job; path tracing has an equal share of the time for each.
+        Pictures of the job; path tracing spends an equal share of the time on each.
     """
     jobs = [(point.job_seconds(pictures), point) for point in points]
     better = [(job, point) for job, point in jobs if point.rel_mse < law.at(job / pictures)]

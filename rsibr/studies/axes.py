@@ -1,4 +1,4 @@
-"""Values that a study can be swept over, and how a wrong one is refused."""
+"""Types of the values that a study sweeps over, with their validation."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _distinct(values: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def at_least_three(values: tuple[int, ...]) -> tuple[int, ...]:
-    """Refuse fewer than three values: a slope could not be fitted to them."""
+    """Require at least three values, so that a slope can be fitted."""
     if len(values) < 3:
         raise ValueError("should hold at least three values, to fit a slope")
     return values

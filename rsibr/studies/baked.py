@@ -1,14 +1,15 @@
-"""One bake, opened: every picture that a study makes of it, timed and judged."""
+"""One opened bake of a study: error and time of every variant of reconstruction."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.methods.method_set import MethodSet
+from rsibr.methods.protocol import Method
 from rsibr.methods.reconstruction import run
 from rsibr.methods.registry import judged_by_lobe
 from rsibr.store.bake import Bake
@@ -16,22 +17,42 @@ from rsibr.studies.agenda import BakeSize, Variant
 from rsibr.studies.judged_scene import JudgedScene
 from rsibr.studies.lobes import mean_lobe_errors
 from rsibr.studies.noise import noise_of, noisy_maps, without
-from rsibr.studies.results import BakeRecord, ErrorRecord, PointRecord, Timing, label_of
+from rsibr.studies.results import BakeRecord, ErrorRecord, PointRecord, Timing, label_of, mean_model
 from rsibr.studies.variants import bytes_read, opened_at, variant_of
+from rsibr.validation.eval_error import judge_eval
 from rsibr.validation.metrics import compare
 from rsibr.validation.report.estimate_document import EstimateModel
 
 Images = list[NDArray[np.float32]]
 
 
+@dataclass(frozen=True, eq=False)
+class TimedPictures:
+    """Pictures of all judged views and their times.
+
+    Attributes
+    ----------
+    images : list of ndarray, shape (N, N, 3)
+        One picture a view.
+    seconds : Timing
+        Time of a picture, nothing compiled.
+    compile_seconds : float
+        Time of the very first picture beyond the others of its view [s].
+    """
+
+    images: Images
+    seconds: Timing
+    compile_seconds: float
+
+
 @dataclass(eq=False)
 class BakedMaps:
-    """One bake, opened for all pictures that are to be made of it.
+    """One opened bake, shared by all variants that are measured on it.
 
     Attributes
     ----------
     judged : JudgedScene
-        What the pictures are compared with.
+        Scene with the references.
     bake : Bake
     record : BakeRecord
     size : BakeSize
@@ -47,9 +68,10 @@ class BakedMaps:
     def measure(self, variant: Variant) -> PointRecord:
         """Error and cost of the pictures of all judged views."""
         judged, method = self.judged, variant_of(self._at(variant.precision), variant)
-        images, seconds = self._timed(method)
-        pairs = zip(images, judged.references, strict=True)
+        made = self._timed(method)
+        pairs = zip(made.images, judged.references, strict=True)
         error = ErrorRecord.of([compare(image, truth, judged.exposures, name=str(variant)) for image, truth in pairs])
+        eval_rel_mse, eval_seconds = self._eval_of(method)
         noise = self._noise_of(variant)
         return PointRecord(
             label=label_of(variant, self.record.views, self.record.resolution, self.record.samples),
@@ -59,17 +81,35 @@ class BakedMaps:
             noise=noise,
             bias=without(error.rel_mse, noise),
             lobes=self._lobes(variant) if self._has_parts(variant) else None,
-            frame_seconds=Timing.of(seconds),
+            eval_rel_mse=eval_rel_mse,
+            eval_seconds=eval_seconds,
+            prepare_seconds=method.cost.prepare_seconds,
+            compile_seconds=made.compile_seconds,
+            frame_seconds=made.seconds,
             bytes=bytes_read(self.bake, variant.method, variant.precision),
         )
 
-    def _timed(self, method: Any) -> tuple[Images, list[float]]:
-        """Picture of each judged view, and the times of its repeats; the first run, which compiles, does not count."""
-        resolution, images, seconds = self.judged.scene.resolution, [], []
+    def _timed(self, method: Method) -> TimedPictures:
+        """Make the picture of each judged view once, and again for every timed repeat."""
+        resolution, repeats = self.judged.scene.resolution, self.judged.judge.repeats
+        images, seconds, compiled = Images(), list[float](), 0.0
         for frame in self.judged.frames:
-            images.append(run(method, frame, resolution).image)
-            seconds += [run(method, frame, resolution).seconds for _ in range(self.judged.judge.repeats)]
-        return images, seconds
+            first = run(method, frame, resolution)
+            again = [run(method, frame, resolution).seconds for _ in range(repeats)]
+            if not images:
+                compiled = max(0.0, first.seconds - median(again))
+            images.append(first.image)
+            seconds += again
+        return TimedPictures(images, Timing.of(seconds), compiled)
+
+    def _eval_of(self, method: Method) -> tuple[EstimateModel, Timing]:
+        """Error of `eval`, mean over the judged views, and the time of one evaluation."""
+        judged = self.judged
+        found = [
+            judge_eval(method, frame, truth, judged.scene.seed)
+            for frame, truth in zip(judged.frames, judged.references, strict=True)
+        ]
+        return mean_model([one.rel_mse for one in found]), Timing.of([one.seconds for one in found])
 
     def _at(self, precision: str) -> MethodSet:
         if precision not in self._methods:
@@ -82,7 +122,7 @@ class BakedMaps:
         return self._methods[precision]
 
     def _noise_of(self, variant: Variant) -> float:
-        """Noise of the float32 maps in the pictures: that of rounding is no noise, but bias."""
+        """Noise of the float32 maps in the pictures. The rounding error of float16 counts as bias."""
         plain = Variant(variant.method, variant.warp, variant.weights, "float32")
         if plain not in self._noise:
             images, noisy = (
@@ -106,17 +146,27 @@ class BakedMaps:
         return mean_lobe_errors(parts, judged.frames, truths, judged.references)
 
 
-def bake_record(baked: Bake, size: BakeSize, wall_seconds: float | None) -> BakeRecord:
-    """Say what a bake cost: every view with the time of the median view, the first one's compiling apart."""
+def bake_record(baked: Bake, size: BakeSize) -> BakeRecord:
+    """Cost of a bake.
+
+    Parameters
+    ----------
+    baked : Bake
+        A finished bake; `Bake.seconds` is its whole wall time.
+    size : BakeSize
+        What it was asked for.
+    """
     seconds = [float(state.seconds or 0.0) for state in baked.manifest.views]
-    view = Timing.of(seconds)
+    views = Timing.of(seconds).times(baked.view_count)
+    setup = max(0.0, baked.seconds - views.median)
     return BakeRecord(
         samples=size.samples,
         resolution=size.resolution,
         subdivision=size.subdivision,
         views=baked.view_count,
-        seconds=view.times(baked.view_count),
-        compile_seconds=max(0.0, seconds[0] - view.median),
-        wall_seconds=wall_seconds,
+        seconds=views.plus(setup),
+        views_seconds=views,
+        setup_seconds=setup,
+        compile_seconds=min(setup, max(0.0, seconds[0] - median(seconds))),
         disk_bytes=baked.bytes,
     )

@@ -1,14 +1,15 @@
-"""Measures one scene: its truth, path tracing as a rival, its bakes, and through them every picture."""
+"""Measures one scene: references, path tracing for comparison, bakes, and the variants on each bake."""
 
 from __future__ import annotations
 
 import re
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
+from rsibr import clock
 from rsibr.baking.baker import bake
 from rsibr.baking.scene import Scene
 from rsibr.errors import BakeError
@@ -27,24 +28,31 @@ from rsibr.studies.results import (
 )
 from rsibr.studies.scene import StudyScene
 
+_FORMAT = 2
+"""Version of the records in the journal; those of another version are measured anew."""
+
 
 @dataclass(eq=False)
 class Bench:
-    """What is measured in one scene, and where it is kept.
+    """Measurements of one scene, with their storage.
 
     Attributes
     ----------
     judged : JudgedScene
-        The scene, with its truth.
+        Scene with its references.
     journal : Journal
         Finished results.
     bakes : Path
         Folder of the bakes.
+    compiled : dict of str to float
+        Longest compilation time of the bakes and of each variant so far [s]. A process compiles a kernel once; every
+        bake and point is charged with the time, whichever came first. All scenes of a study share it.
     """
 
     judged: JudgedScene
     journal: Journal
     bakes: Path
+    compiled: dict[str, float] = field(default_factory=dict)
     _opened: BakedMaps | None = None
 
     @property
@@ -53,18 +61,18 @@ class Bench:
         return self.judged.scene
 
     def key(self, kind: str, **settings: Any) -> dict[str, Any]:
-        """What a result depends on, beside its own settings."""
+        """Key of a result: everything that it depends on."""
         judge = self.judged.judge
         judged = {"judged": [frame.tolist() for frame in self.judged.frames], "reference_samples": judge.samples}
-        return {"kind": kind, **self.scene.identity, **judged, "repeats": judge.repeats, **settings}
+        return {"kind": kind, "format": _FORMAT, **self.scene.identity, **judged, "repeats": judge.repeats, **settings}
 
     def known_path_tracing(self, samples: Sequence[int], pass_samples: int | None) -> list[PathTracingRecord] | None:
-        """Return what was measured of path tracing before."""
+        """Return stored measurements of path tracing, None without any."""
         known = self.journal.find(self.key("path-tracing", samples=list(samples), pass_samples=pass_samples))
         return None if known is None else [PathTracingRecord.model_validate_json(canonical(one)) for one in known]
 
     def path_tracing(self, samples: Sequence[int], pass_samples: int | None) -> None:
-        """Measure path tracing with so many samples, in all and of a pass, and keep it in the journal."""
+        """Measure path tracing at these total samples and samples a pass; store it in the journal."""
         found = path_tracing_points(
             self.scene.tracer,
             self.judged.frames,
@@ -79,46 +87,72 @@ class Bench:
         self.journal.store(key, [record.model_dump(mode="json") for record in found])
 
     def known_point(self, size: BakeSize, variant: Variant) -> PointRecord | None:
-        """Return a point that was measured before."""
+        """Return a stored point, None without one."""
         known = self.journal.find(self.key("point", size=vars(size), variant=vars(variant)))
         return None if known is None else PointRecord.model_validate_json(canonical(known))
 
     def measure(self, size: BakeSize, variant: Variant) -> PointRecord:
-        """Error and cost of a variant's pictures of all judged views, kept in the journal."""
+        """Measure error and cost of a variant over all judged views; store it in the journal."""
         if self._opened is None or self._opened.size != size:
             self.bake(size)
         point = cast(BakedMaps, self._opened).measure(variant)
+        as_float32 = str(replace(variant, precision="float32"))  # kernels read float32 in any case
+        point = point.model_copy(update={"compile_seconds": self._longest(as_float32, point.compile_seconds)})
         self.journal.store(self.key("point", size=vars(size), variant=vars(variant)), point.model_dump(mode="json"))
         return point
 
     def bake(self, size: BakeSize) -> None:
-        """Bake at a size, or go on with a bake that was killed, and open it; the one opened before is let go."""
+        """Bake at a size, or continue an interrupted bake, and open it; the bake opened before is released."""
         self.release()
-        key = {"kind": "bake", **self.scene.content, "size": vars(size)}
+        key = self._bake_key(size)
         name = re.sub(r"\W+", "-", f"{self.scene.material_name} {self.scene.environment_name}")
         path = self.bakes / f"{name}-{checksum(canonical(key))[:12]}.rsibr"
         begun, scene = path.exists(), self.scene.prepared.resized(size.config(self.scene.config))
-        shared, start = scene.parts.seconds, time.perf_counter()
         baked = _baked(scene, path)
-        wall = shared + time.perf_counter() - start  # as a bake by itself would wait for what this one found made
-        known = self.journal.find(key)
-        if known is None or not begun:
-            known = bake_record(baked, size, None if begun else wall).model_dump(mode="json")
-            self.journal.store(key, known)
-        self._opened = BakedMaps(self.judged, baked, BakeRecord.model_validate_json(canonical(known)), size)
+        record = self.known_bake(size) if begun else None
+        if record is None:
+            record = bake_record(baked, size)
+            record = record.compiling(self._longest("bake", record.compile_seconds))
+            self.journal.store(self._record_key(size), record.model_dump(mode="json"))
+        self._opened = BakedMaps(self.judged, baked, record, size)
+
+    def known_bake(self, size: BakeSize) -> BakeRecord | None:
+        """Return the stored cost of a bake, None without one."""
+        known = self.journal.find(self._record_key(size))
+        return None if known is None else BakeRecord.model_validate_json(canonical(known))
+
+    @property
+    def opened(self) -> BakedMaps | None:
+        """The opened bake."""
+        return self._opened
+
+    def _bake_key(self, size: BakeSize) -> dict[str, Any]:
+        return {"kind": "bake", **self.scene.content, "size": vars(size)}
+
+    def _record_key(self, size: BakeSize) -> dict[str, Any]:
+        return {**self._bake_key(size), "format": _FORMAT}
+
+    def _longest(self, name: str, seconds: float) -> float:
+        self.compiled[name] = max(seconds, self.compiled.get(name, 0.0))
+        return self.compiled[name]
 
     def release(self) -> None:
-        """Let the opened bake go, with its maps on the device."""
+        """Release the opened bake and its maps on the device."""
         self._opened = None
 
     def close(self) -> None:
-        """Let go of all that memory holds of this scene; what is on disk stays."""
+        """Release the memory of this scene; files stay."""
         self.release()
         self.judged.forget()
 
 
 def _baked(scene: Scene, path: Path) -> Bake:
-    try:
-        return bake(scene, out=path)
-    except BakeError:  # of an older version, or damaged: the name holds the hash of what it must be
-        return bake(scene, out=path, fresh=True)
+    """Bake a scene; the manifest also counts the time of the shared parts that were made before.
+
+    A bake by itself would have to make them.
+    """
+    with clock.counting(time.perf_counter() - scene.parts.seconds):
+        try:
+            return bake(scene, out=path)
+        except BakeError:  # made by an older version, or damaged; its name holds a hash of its config
+            return bake(scene, out=path, fresh=True)

@@ -1,4 +1,4 @@
-"""The config of a study: what is varied about a base config, in which scenes, and how it is judged; TOML."""
+"""Config of a study in TOML: base config, scenes, sweeps, references, path tracing."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class _Section(BaseModel):
 
 
 class SweepConfig(_Section):
-    """One grid: every combination of the values given. What is not given stays as the base config has it.
+    """One grid: all combinations of the given values. Other parameters are those of the base config.
 
     Attributes
     ----------
@@ -42,9 +42,9 @@ class SweepConfig(_Section):
     method : list of str
         Names of methods; by default those of the study.
     warp : list of "texel" or "mesh-RxS"
-        Each texel by itself, or through a tessellated disk of R rings and S sectors. Only `cabral1999` has the choice.
+        Each texel by itself, or a tessellated disk of R rings and S sectors. Of methods with the option `mesh`.
     weights : list of "own", "area" or "gnomonic"
-        Of the three stored views; "own" are the method's. `nearest` has none.
+        Of the three stored views; "own" are the method's. Of methods with the option `weights`.
     precision : list of "float32" or "float16"
         What the maps are held in.
     """
@@ -59,7 +59,7 @@ class SweepConfig(_Section):
 
 
 class ScenesConfig(_Section):
-    """The scenes: each material under each environment.
+    """Scenes: every material under every environment.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class ScenesConfig(_Section):
 
 
 class JudgeConfig(_Section):
-    """How the points are judged, all of them alike.
+    """How the error of all points is measured.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class JudgeConfig(_Section):
     repeats : int
         Timed runs of each picture, after a first one that compiles and does not count.
     frames : int
-        Pictures that the whole job is taken to make, where baking and making pictures are added up.
+        Pictures of the whole job, where bake, preparation, compilation and pictures are added up.
     """
 
     views: int = Field(default=6, ge=1, le=1000)
@@ -99,7 +99,7 @@ class JudgeConfig(_Section):
 
 
 class PathTracingConfig(_Section):
-    """Path tracing as a rival, in two forms.
+    """Path tracing for comparison, in two forms.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class PathTracingConfig(_Section):
 
 
 class _File(_Section):
-    """The tables of the file, those of other models not yet looked into."""
+    """Tables of the file; those of other models are validated later."""
 
     base: NameOrTable
     scenes: ScenesConfig = ScenesConfig()
@@ -126,7 +126,7 @@ class _File(_Section):
 
 
 class StudyConfig(_Section):
-    """Everything that a study depends on. Built by `load_study` or `parse_study`.
+    """Complete config of a study. Built by `load_study` or `parse_study`.
 
     Attributes
     ----------
@@ -169,7 +169,7 @@ def load_study(path: Path) -> StudyConfig:
 def parse_study(
     data: Mapping[str, Any], base: Path | str = ".", *, name: str = "study", where: str = "study"
 ) -> StudyConfig:
-    """Check the config of a study that is already a mapping; see `load_study`.
+    """Validate the config of a study given as a mapping; see `load_study`.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def _base_tables(base: str | dict[str, Any], folder: Path, where: str) -> tuple[
     path = folder / base
     if not path.is_file():
         raise InputError(f"base = {base!r}: there is no such config", where=where, fix="check the path")
-    load_config(path)  # its mistakes are its own, and named as such
+    load_config(path)  # reports mistakes in the base config itself
     return read_toml(path), path.parent
 
 

@@ -1,4 +1,4 @@
-"""Error against time on logarithmic axes: the slope of a straight line, and where a line flattens at its bias."""
+"""Error against time on logarithmic axes: the slope of a straight line, and the point where noise equals bias."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 from scipy.stats import t as student_t
 
 LEAST_POINTS = 3
-"""Points that a slope needs: two would have no scatter to tell its interval by."""
+"""Fewest points of a slope; two have no scatter for a confidence interval."""
 
 
 LEAST_FALL = 0.05
@@ -72,7 +72,7 @@ def fit_power_law(x: Sequence[float], y: Sequence[float]) -> PowerLaw:
 
 @dataclass(frozen=True)
 class Flattening:
-    """What more samples do to an error: y = bias + noise/samples.
+    """Error over samples: y = bias + noise/samples.
 
     Attributes
     ----------
@@ -86,17 +86,17 @@ class Flattening:
     noise: float
 
     def at(self, samples: float) -> float:
-        """Error after so many samples."""
+        """Error at a number of samples."""
         return self.bias + self.noise / samples
 
     @property
     def samples(self) -> float | None:
-        """Samples at which noise and bias are equal: from there on, more samples buy little. None without a bias."""
+        """Samples at which noise and bias are equal; beyond, more samples gain little. None without a bias."""
         return self.noise / self.bias if self.bias > 0 else None
 
 
 def fit_flattening(samples: Sequence[float], errors: Sequence[float]) -> Flattening:
-    """Fit a bias and a noise, neither of them negative, to errors; every error counts by its ratio to the fit.
+    """Fit a non-negative bias and noise to errors, by their ratios to the fit.
 
     Parameters
     ----------

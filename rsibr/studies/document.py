@@ -13,17 +13,17 @@ from rsibr.studies.results import Positive, Record, SceneRecord
 
 
 class JudgeRecord(Record):
-    """How all points were judged."""
+    """How the error of all points was measured."""
 
     views: list[tuple[float, float, float]] = Field(description="unit vectors from the surface to the viewer, +Y up")
     resolution: int = Field(description="texels a side of the pictures that were compared")
     reference_samples: int = Field(description="samples a texel asked of each reference")
     repeats: int = Field(description="timed runs of each picture, after one that compiles")
-    frames: int = Field(description="pictures of the job that baking and making pictures are added up for")
+    frames: int = Field(description="pictures of the whole job, beside bake, preparation and compilation")
 
 
 class MachineRecord(Record):
-    """What the times were measured on."""
+    """Machine on which the times were measured."""
 
     variant: str
     processors: int
@@ -31,15 +31,24 @@ class MachineRecord(Record):
     packages: dict[str, str]
 
 
+class StepRecord(Record):
+    """Expected and actual time of one step."""
+
+    step: str
+    expected_seconds: Positive
+    seconds: Positive
+
+
 class StudyDocument(Record):
-    """`study.json`: error and cost of every point, and what they say together. Times in seconds, sizes in bytes."""
+    """`study.json`: error and cost of every point, and their analysis. Times in seconds, sizes in bytes."""
 
     schema_version: Literal[1] = Field(alias="schema")
     name: str
     judge: JudgeRecord
     machine: MachineRecord
-    expected_seconds: Positive = Field(description="what this run was expected to take, said before it started")
-    seconds: Positive = Field(description="what it took; only a resumed run's own part")
+    expected_seconds: Positive = Field(description="forecast of this run, told before the first step; sum of the steps")
+    seconds: Positive = Field(description="wall time of this run; a resumed run counts its own part")
+    steps: list[StepRecord] = Field(description="of this run: preparation with start-up, every step, the page")
     scenes: list[SceneRecord]
     analyses: list[SceneAnalysis] = Field(description="one a scene, in their order")
     doubling: list[DoublingRecord] = Field(description="path tracing, then each method: mean over the scenes")

@@ -1,4 +1,4 @@
-"""What twice the time buys: the answer of a study in one number for each method and time."""
+"""Gain of twice the time: by how much it divides the error, for each method and time."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ PATH_TRACING = "path tracing"
 
 
 class DoublingRecord(Record):
-    """Best error of a method over the time of a whole job, geometric means over all scenes."""
+    """Least error of a method over the time of the whole job; geometric means over all scenes."""
 
     method: str
-    labels: list[str] = Field(description="points that nothing of the same method beats in error and time at once")
-    seconds: list[Positive] = Field(description="to bake and to make all pictures of the job, rising")
+    labels: list[str] = Field(description="Pareto front of the method in error and time")
+    seconds: list[Positive] = Field(description="of the whole job, all pictures included; rising")
     rel_mse: list[Positive] = Field(description="falling")
     gain: list[float | None] = Field(
-        description="what twice the time divides the error by, in between the points along a straight line on "
-        "logarithmic axes, of path tracing along the fitted one; null where twice the time was not measured"
+        description="ratio of the error at this time to the error at twice the time; interpolated linearly on "
+        "logarithmic axes, of path tracing from the fitted line; null where twice the time was not measured"
     )
 
 
 def doubling_of(scenes: Sequence[SceneRecord], frames: int) -> list[DoublingRecord]:
-    """Tell what twice the time buys by path tracing, and by each method at its best.
+    """Compute the gain of twice the time for path tracing and for the front of each method.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def doubling_of(scenes: Sequence[SceneRecord], frames: int) -> list[DoublingReco
 
 
 def gains(seconds: Sequence[float], errors: Sequence[float]) -> list[float | None]:
-    """What twice the time divides the error by, at each point.
+    """Ratio of the error at each point to the error at twice its time.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def _means(by_scene: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str, t
 
 
 def _of_noise(seconds: Sequence[float], errors: Sequence[float]) -> list[float | None]:
-    """Gain of path tracing: its error is a straight line on logarithmic axes, before and after what was measured."""
+    """Gain of path tracing from its fitted power law, also outside the measured range."""
     if len(seconds) < LEAST_POINTS:
         return gains(seconds, errors)
     return [2.0 ** -fit_power_law(seconds, errors).slope] * len(seconds)

@@ -1,4 +1,4 @@
-"""Figures of a study, as SVG that a page can hold: error against time, fronts, and where the error sits."""
+"""Figures of a study as SVG for the page: error against time, Pareto fronts, composition of the error."""
 
 from __future__ import annotations
 
@@ -23,11 +23,15 @@ from rsibr.studies.results import PathTracingRecord, PointRecord, SceneRecord
 _PATH_TRACING, _DEFAULT, _BASELINE = "#222222", "#d55e00", "#0072b2"
 _METHODS = ("#999999", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#f0e442")
 _OTHERS = _METHODS[2:]
-"""Okabe & Ito (2008): told apart without colour vision."""
+"""Okabe & Ito (2008): distinguishable with colour vision deficiency."""
 
 _MARKERS = "osD^vP*X"
 _FLOOR = "#e8e8e8"
-_COST_LABELS = {"bake_seconds": ("to bake", "s"), "bytes": ("in memory", "B"), "frame_seconds": ("a picture", "s")}
+_COST_LABELS = {
+    "once_seconds": ("before the first", "s"),
+    "bytes": ("in memory", "B"),
+    "frame_seconds": ("a picture", "s"),
+}
 
 _STYLE: Any = {  # Matplotlib types its keys one by one
     "svg.fonttype": "none",
@@ -44,7 +48,7 @@ _STYLE: Any = {  # Matplotlib types its keys one by one
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
-    """Draw a figure in the style of all of them, whatever style is set around it."""
+    """Draw a figure in the common style, whatever Matplotlib style is set."""
 
     def drawn(*arguments: Any, **options: Any) -> Figure:
         with mpl.rc_context(_STYLE):
@@ -55,7 +59,7 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
 
 def svg_uri(figure: Figure) -> str:
-    """Encode a figure so that an HTML page holds it itself; equal figures give equal bytes."""
+    """Encode a figure as a data URI for an HTML page; equal figures give equal bytes."""
     stream = io.BytesIO()
     with mpl.rc_context(_STYLE):
         figure.savefig(stream, format="svg", metadata={"Date": None}, facecolor="white")
@@ -74,7 +78,7 @@ def colour_of(method: str) -> str:
 
 @styled
 def headline(document: StudyDocument) -> Figure:
-    """Best error over the time of a whole job, and what twice the time divides it by."""
+    """Least error over the time of the whole job, and the gain of twice the time."""
     figure = Figure(figsize=(11, 4.3), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
     for record in document.doubling:
@@ -95,7 +99,7 @@ def headline(document: StudyDocument) -> Figure:
     )
     right.set_ylim(bottom=0.9)
     for axes in (left, right):
-        axes.set_xlabel(f"time to bake and to make {document.judge.frames} pictures")
+        axes.set_xlabel(f"time of the whole job, {document.judge.frames} pictures")
         _count_in(axes, "s")
     if document.doubling:
         left.legend(loc="best")
@@ -104,7 +108,7 @@ def headline(document: StudyDocument) -> Figure:
 
 @styled
 def convergence(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
-    """Error against time with the fitted lines, the noise floor, and the marks where curves flatten."""
+    """Error against rendering time with fitted lines, noise floor, and a mark where noise equals bias."""
     figure = Figure(figsize=(11, 5), layout="constrained")
     axes = figure.subplots()
     _floor(axes, scene.reference.noise_floor)
@@ -117,9 +121,9 @@ def convergence(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
         _curve(axes, curve, [by_label[label] for label in curve.points], _MARKERS[number % len(_MARKERS)])
     alone = [point for point in scene.points if point.label not in curved and point.rel_mse > 0]
     for point in alone:
-        axes.plot(point.bake.seconds.median, point.rel_mse, ".", color=colour_of(point.method), alpha=0.4)
+        axes.plot(point.bake.views_seconds.median, point.rel_mse, ".", color=colour_of(point.method), alpha=0.4)
     _logarithmic(axes)
-    axes.set(ylabel="relMSE", xlabel="time to bake, or to path-trace one picture")
+    axes.set(ylabel="relMSE", xlabel="rendering time: of the views of a bake, or of one path-traced picture")
     _count_in(axes, "s")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8.5)
     return figure
@@ -151,7 +155,7 @@ def fronts(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
 
 @styled
 def whereabouts(points: Sequence[PointRecord]) -> Figure:
-    """Where the error of some points sits: bias or noise, middle or rim, which lobe."""
+    """Composition of the error of some points: bias and noise, zones of radius, lobes."""
     figure = Figure(figsize=(11, 0.9 + 0.42 * len(points)), layout="constrained")
     share, zones = figure.subplots(1, 2, sharey=True)
     rows = np.arange(len(points))[::-1]
@@ -194,10 +198,10 @@ def _rival(axes: Axes, rivals: Sequence[PathTracingRecord], law: PowerLaw, name:
 def _curve(axes: Axes, curve: ConvergenceRecord, points: Sequence[PointRecord], marker: str) -> None:
     """Points of a curve, the fit bias + noise/samples, and a mark where the two are equal."""
     colour = colour_of(points[0].method)
-    seconds = np.array([point.bake.seconds.median for point in points])
+    seconds = np.array([point.bake.views_seconds.median for point in points])
     _with_bars(axes, seconds.tolist(), [point.error.rel_mse for point in points], colour, marker)
     samples = np.geomspace(points[0].bake.samples, points[-1].bake.samples, 64)
-    rising = np.maximum.accumulate(seconds)  # on a busy machine more samples may once have taken less time
+    rising = np.maximum.accumulate(seconds)  # timing noise may make the times non-monotonic
     times = np.interp(samples, [point.bake.samples for point in points], rising)
     slope = "" if curve.slope is None else f", slope {curve.slope.slope:.2f}".replace("-", "−")
     axes.plot(times, curve.bias + curve.noise / samples, color=colour, linewidth=1, label=f"{curve.label}{slope}")
@@ -208,7 +212,7 @@ def _curve(axes: Axes, curve: ConvergenceRecord, points: Sequence[PointRecord], 
 
 
 def _with_bars(axes: Axes, x: Sequence[float], estimates: Sequence[Any], colour: str, marker: str) -> None:
-    """Points with the confidence interval of 95 %; where it reaches zero, it runs off the axis."""
+    """Points with 95 % confidence intervals; an interval that reaches zero runs off the axis."""
     shown = [(t, e) for t, e in zip(x, estimates, strict=True) if e.value > 0]
     values = np.array([e.value for _, e in shown])
     low = np.array([max(e.ci95[0], e.value * 1e-3) for _, e in shown])
@@ -225,7 +229,7 @@ def _with_bars(axes: Axes, x: Sequence[float], estimates: Sequence[Any], colour:
 
 
 def _logarithmic(axes: Axes, which: str = "xy") -> None:
-    """Make axes logarithmic; where nothing positive was drawn, as of a black scene, they get some limits."""
+    """Make axes logarithmic; axes without positive data, as of a black scene, get fixed limits."""
     for name, high in zip("xy", axes.dataLim.max, strict=True):
         if name in which:
             if not 0 < high < np.inf:
@@ -234,7 +238,7 @@ def _logarithmic(axes: Axes, which: str = "xy") -> None:
 
 
 def _count_in(axes: Axes, unit: str) -> None:
-    """Name the ticks of a logarithmic axis with their unit: 20 ms, 1 MB."""
+    """Label the ticks of a logarithmic axis with units: 20 ms, 1 MB."""
     for place in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
         place(EngFormatter(unit))
     axes.xaxis.set_minor_locator(LogLocator(subs=(2, 5)))
@@ -242,7 +246,7 @@ def _count_in(axes: Axes, unit: str) -> None:
 
 
 def _floor(axes: Axes, floor: float) -> None:
-    """Band of errors below the noise of the reference: seen only because that noise is taken out."""
+    """Band of errors below the noise floor of the reference; visible because that noise is subtracted."""
     if floor <= 0:
         return
     axes.axhspan(floor / 5, floor, color=_FLOOR, zorder=0)
@@ -253,7 +257,7 @@ def _floor(axes: Axes, floor: float) -> None:
 
 
 def _name_ends(axes: Axes, records: Sequence[DoublingRecord]) -> None:
-    """Name the dearest point of each method."""
+    """Label the last point of each method."""
     for record in records:
         place = (record.seconds[-1], record.rel_mse[-1])
         text = record.labels[-1].removeprefix(f"{record.method}, ")

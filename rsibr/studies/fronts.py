@@ -1,4 +1,4 @@
-"""Pareto fronts: the points that nothing beats in error and cost at once, and what beats the others."""
+"""Pareto fronts over error and cost, with a dominating point for every other point."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a study has already measured, on disk: one small file a result, each whole or not there."""
+"""Results of a study on disk: one small file each, written atomically."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LOCK_NAME = ".lock"
 
 
 class Journal:
-    """Results by what they depend on: content, seeds, versions. Whatever changes, only what depends on it is lost.
+    """Results by a key of all that they depend on: content, seeds, versions. A change affects only dependent results.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Journal:
             leftover.unlink(missing_ok=True)
 
     def find(self, key: Mapping[str, Any]) -> Any:
-        """Return the result that was stored under `key`; None where there is none, or its file was altered."""
+        """Return the result stored under `key`; None without one, or if its file was altered."""
         path = self._path(key)
         try:
             content = json.loads(path.read_bytes())
@@ -47,7 +47,7 @@ class Journal:
         return result if found == checksum(canonical(result)) else None
 
     def store(self, key: Mapping[str, Any], result: Any) -> None:
-        """Keep a result, plain JSON data, under `key`: once this returns, it outlives a crash.
+        """Store a result, plain JSON data, under `key`; it is synced to disk on return.
 
         Raises
         ------
@@ -63,7 +63,7 @@ class Journal:
 
 
 def name_of(key: Mapping[str, Any]) -> str:
-    """File name, without ending, of what depends on `key`: its kind, and enough of its hash."""
+    """File name for `key`, without extension: its kind and part of its hash."""
     return f"{key['kind']}-{checksum(canonical(key))[:20]}"
 
 

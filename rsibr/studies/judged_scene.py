@@ -1,4 +1,4 @@
-"""A scene with the truth of the views that everything in it is judged at."""
+"""A scene with the references of its judged views."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rsibr.validation.reference import Reference
 
 @dataclass(eq=False)
 class JudgedScene:
-    """What pictures of a scene are compared with.
+    """A scene with the references that its pictures are compared with.
 
     Attributes
     ----------
@@ -40,25 +40,25 @@ class JudgedScene:
 
     @cached_property
     def references(self) -> list[Reference]:
-        """Truth of each judged view."""
+        """Reference of each judged view."""
         return [self.reference(frame) for frame in self.frames]
 
     def reference(self, frame: NDArray[np.float64]) -> Reference:
-        """Truth of one view."""
+        """Reference of one view."""
         return reference_of(self.scene, frame, self.judge.samples, self.store)
 
     def lobe_truth(self, frame: NDArray[np.float64]) -> Arrays:
-        """Truth of each lobe in one view."""
+        """Reference of each lobe in one view."""
         return lobe_truth(self.scene, frame, self.judge.samples, self.store)
 
     @cached_property
     def exposures(self) -> Exposures:
-        """Exposures at which FLIP looks, from the mean radiance of all references."""
+        """Exposures of FLIP, from the mean radiance of all references."""
         covered = [reference.mean[reference.coverage > 0] for reference in self.references]
         return exposures_for(float(np.concatenate(covered).mean()))
 
     def record(self) -> ReferenceRecord:
-        """Sum the references up, one in memory at a time."""
+        """Summary of the references; one is in memory at a time."""
         seconds, floors = [], []
         for frame in self.frames:
             reference = self.reference(frame)
@@ -73,5 +73,5 @@ class JudgedScene:
         )
 
     def forget(self) -> None:
-        """Let go of the references in memory; those on the disk stay."""
+        """Release the references in memory; files stay."""
         self.__dict__.pop("references", None)

@@ -1,4 +1,4 @@
-"""Which lobe errs most: each lobe's picture against the truth of that lobe alone."""
+"""Error by lobe: the picture of each lobe against the reference of that lobe."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rsibr.validation.report.estimate_document import EstimateModel
 
 
 def lobe_key(scene: StudyScene, frame: NDArray[np.float64], samples: int) -> dict[str, object]:
-    """What the truth of the lobes depends on."""
+    """Key of the references of the lobes: everything that they depend on."""
     return {"kind": "lobes", **scene.identity, "frame": frame.tolist(), "samples": samples}
 
 
@@ -52,7 +52,7 @@ def mean_lobe_errors(
     truths: Sequence[Arrays],
     references: Sequence[Reference],
 ) -> dict[str, EstimateModel]:
-    """Relative MSE that each lobe's own error makes, mean over the views; see `rsibr.validation.lobes.lobe_errors`.
+    """Contribution of each lobe to relMSE, mean over the views; see `rsibr.validation.lobes.lobe_errors`.
 
     Parameters
     ----------

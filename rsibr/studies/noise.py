@@ -1,4 +1,4 @@
-"""How much of a picture's error is the noise of the stored maps; what is left is the bias of the method."""
+"""Splits the error of a picture into the noise of the stored maps and the bias of the method."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NOISE_BRANCH = 0x6E6F_6973
 
 
 def noisy_maps(bake: StoredMaps, seed: int) -> AlteredMaps:
-    """A bake with as much noise again in its maps as they have: independent Gaussians of the stored variance.
+    """A bake with its noise doubled in variance: independent Gaussians of the stored variance are added to its maps.
 
     The difference of a picture made of it and one made of the bake itself is the noise that the picture has: exactly so
     where a method is linear in the maps, to first order where not, whatever it warps, blends and divides. The variance
@@ -52,7 +52,7 @@ def noisy_maps(bake: StoredMaps, seed: int) -> AlteredMaps:
 def noise_of(
     pictures: Iterable[NDArray[np.float32]], noisy: Iterable[NDArray[np.float32]], references: Iterable[Reference]
 ) -> float:
-    """Mean over the views of the relMSE that the maps' noise makes.
+    """Contribution of the noise of the maps to relMSE, mean over the views.
 
     Parameters
     ----------
@@ -69,13 +69,13 @@ def noise_of(
 
 
 def relative_square(difference: NDArray[np.floating], reference: Reference) -> float:
-    """Mean over texels and channels of the square of a difference, relative as relMSE is."""
+    """Mean over texels and channels of a squared difference, divided as in relMSE."""
     judged = reference.coverage >= COVERED
     b = reference.buffers[:, judged].mean(axis=0, dtype=np.float64)
     return float(np.mean(difference[judged].astype(np.float64) ** 2 / denominator(b)))
 
 
 def without(total: EstimateModel, noise: float) -> EstimateModel:
-    """Take the predicted noise out of a relMSE; its interval goes along, for the reference's noise is what makes it."""
+    """Subtract the predicted noise from a relMSE and its interval, which comes from the noise of the reference."""
     low, high = (bound - noise for bound in total.ci95)
     return EstimateModel(value=total.value - noise, ci95=(low, high), below_noise_floor=low <= 0)

@@ -1,4 +1,4 @@
-"""The page of a study: one HTML file that holds all it shows."""
+"""The page of a study: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from rsibr.validation.report.pictures import bar_colours
 from rsibr.version import __version__
 
 _MOST_SHOWN = 12
-"""Points that the figure of where the error sits holds at most."""
+"""Largest number of points in the figure of the composition of the error."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Shown:
-    """A scene, what its points say, and its figures."""
+    """A scene with its analysis and figures."""
 
     scene: SceneRecord
     analysis: SceneAnalysis
@@ -34,8 +34,8 @@ class _Shown:
 
     @property
     def on_front(self) -> dict[str, list[str]]:
-        """Names of the costs over whose front a point lies, by label."""
-        names = {"bake_seconds": "bake", "bytes": "bytes", "frame_seconds": "picture"}
+        """Names of the costs on whose front a point lies, by label."""
+        names = {"once_seconds": "start", "bytes": "bytes", "frame_seconds": "picture"}
         return {
             point.label: [names[cost] for cost, front in self.analysis.fronts.items() if point.label in front.on]
             for point in self.scene.points
@@ -43,20 +43,44 @@ class _Shown:
 
     @property
     def best(self) -> PointRecord:
-        """The point that errs least."""
+        """The point with the least error."""
         return min(self.scene.points, key=lambda point: point.rel_mse)
 
     def instead(self, label: str) -> str:
-        """What to take instead of a point that lies on no front, over the time to bake."""
-        return self.analysis.fronts["bake_seconds"].dominated.get(label, "")
+        """Point that dominates this one in the time before the first picture; empty on the front."""
+        return self.analysis.fronts["once_seconds"].dominated.get(label, "")
 
 
-def study_page(document: StudyDocument) -> str:
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """The figures of a page; drawing them takes nearly all of its time.
+
+    Attributes
+    ----------
+    headline : str
+        The first figure, as a data URI.
+    scenes : list
+        Each scene with its figures.
+    """
+
+    headline: str
+    scenes: list[_Shown]
+
+    @classmethod
+    def of(cls, document: StudyDocument) -> Drawn:
+        """Draw the figures of a study."""
+        pairs = zip(document.scenes, document.analyses, strict=True)
+        return cls(figures.svg_uri(figures.headline(document)), [_shown(scene, analysis) for scene, analysis in pairs])
+
+
+def study_page(document: StudyDocument, drawn: Drawn) -> str:
     """Write the page.
 
     Parameters
     ----------
     document : StudyDocument
+    drawn : Drawn
+        Its figures.
 
     Returns
     -------
@@ -69,16 +93,16 @@ def study_page(document: StudyDocument) -> str:
     template = environment.get_template("study.html.j2")
     return template.render(
         document=document,
-        headline=figures.svg_uri(figures.headline(document)),
+        headline=drawn.headline,
         answer=answer(document.doubling, document.judge.frames),
-        shown=[_shown(scene, analysis) for scene, analysis in zip(document.scenes, document.analyses, strict=True)],
-        bar=", ".join(bar_colours()),  # of the style that all pages share
+        shown=drawn.scenes,
+        bar=", ".join(bar_colours()),  # used by the style sheet that all pages share
         version=__version__,
     )
 
 
 def estimate(value: EstimateModel) -> str:
-    """Write a relMSE with half its interval for a person; one that noise hides as its upper bound."""
+    """Format a relMSE with half its interval; below the noise floor, as an upper bound."""
     low, high = value.ci95
     if value.below_noise_floor:
         return f"<\u00a0{number(max(high, 0.0), 2)}"
@@ -86,7 +110,7 @@ def estimate(value: EstimateModel) -> str:
 
 
 def answer(records: Sequence[DoublingRecord], frames: int) -> list[str]:
-    """Say in sentences what twice the time buys, one for each method.
+    """Describe the gain of twice the time in one sentence for each method.
 
     Parameters
     ----------
@@ -110,7 +134,7 @@ def _sentence(record: DoublingRecord, frames: int) -> str:
 
 def _shown(scene: SceneRecord, analysis: SceneAnalysis) -> _Shown:
     by_label = {point.label: point for point in scene.points}
-    labels = list(dict.fromkeys([*analysis.job_front, *analysis.fronts["bake_seconds"].on]))
+    labels = list(dict.fromkeys([*analysis.job_front, *analysis.fronts["once_seconds"].on]))
     points = sorted((by_label[label] for label in labels), key=lambda point: -point.rel_mse)[-_MOST_SHOWN:]
     return _Shown(
         scene,

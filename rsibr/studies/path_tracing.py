@@ -1,4 +1,4 @@
-"""Path tracing as a rival: one picture in as few launches as it takes, timed, by random numbers of its own."""
+"""Path tracing for comparison: single pictures in few launches, timed, with their own random numbers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _RIVAL_BRANCH = 0x7269_7661
 
 
 class PathTracer(ReferenceRenderer):
-    """The renderer of the references, asked for a single picture as a user would: no buffers to tell noise by."""
+    """Renderer of the references for a single picture, without independent buffers."""
 
     def launches(self, samples: int, pass_samples: int | None = None) -> tuple[int, int]:
         """Launches of a picture, and samples of each, rounded up to strata of a nearly square grid; see `picture`."""
@@ -53,7 +53,7 @@ class PathTracer(ReferenceRenderer):
             Time of the rendering, device finished, nothing compiled.
         """
         launches, spp = self.launches(samples, pass_samples)
-        with backend.rendering(self.rendering):  # changing variants takes its time, and is no part of a picture
+        with backend.rendering(self.rendering):  # the change of variant is not part of a picture
             self._look_along(frame)
             self._warm_up(spp)
             start = time.perf_counter()
@@ -87,7 +87,7 @@ def path_tracing_points(
     exposures : Exposures
         Those of FLIP.
     samples : sequence of int
-        Samples a texel at least. They take turns, so that a slow moment of the machine bends no line.
+        Samples a texel at least. Interleaved, so that a slow phase of the machine affects all of them.
     pass_samples : int, optional
         Samples of a pass; by default all of a picture.
     seed : int

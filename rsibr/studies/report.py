@@ -10,7 +10,7 @@ from typing import Any
 
 from rsibr.store.atomic import write_atomic
 from rsibr.studies.document import StudyDocument
-from rsibr.studies.page import study_page
+from rsibr.studies.page import Drawn, study_page
 from rsibr.studies.results import ErrorRecord, PointRecord, SceneRecord
 
 PAGE_NAME, JSON_NAME, CSV_NAME = "study.html", "study.json", "study.csv"
@@ -41,24 +41,35 @@ COLUMNS = (
     "bake_seconds",
     "bake_seconds_low",
     "bake_seconds_high",
+    "views_seconds",
+    "setup_seconds",
+    "prepare_seconds",
     "compile_seconds",
+    "once_seconds",
+    "job_seconds",
     "frame_seconds",
     "frame_seconds_low",
     "frame_seconds_high",
+    "eval_rel_mse",
+    "eval_rel_mse_low",
+    "eval_rel_mse_high",
+    "eval_seconds",
     "bytes",
     "disk_bytes",
 )
-"""Columns of `study.csv`; empty where a value does not exist, as the bake's where a picture was path traced."""
+"""Columns of `study.csv`; empty where a value does not exist. `job_seconds` is for the pictures of `judge.frames`."""
 
 
-def write_study(document: StudyDocument, folder: Path) -> Path:
-    """Write the study; each file is replaced at once, the page last.
+def write_study(document: StudyDocument, folder: Path, drawn: Drawn) -> Path:
+    """Write the study; each file is replaced atomically, the page last.
 
     Parameters
     ----------
     document : StudyDocument
     folder : Path
         Must exist.
+    drawn : Drawn
+        Figures of the page.
 
     Returns
     -------
@@ -67,7 +78,7 @@ def write_study(document: StudyDocument, folder: Path) -> Path:
     """
     write_atomic(folder / JSON_NAME, document.to_json().encode())
     write_atomic(folder / CSV_NAME, _table(document).encode())
-    write_atomic(folder / PAGE_NAME, study_page(document).encode())
+    write_atomic(folder / PAGE_NAME, study_page(document, drawn).encode())
     return folder / PAGE_NAME
 
 
@@ -76,19 +87,20 @@ def _table(document: StudyDocument) -> str:
     writer = csv.DictWriter(stream, COLUMNS, restval="", lineterminator="\n")
     writer.writeheader()
     for scene in document.scenes:
-        writer.writerows(_rows(scene))
+        writer.writerows(_rows(scene, document.judge.frames))
     return stream.getvalue()
 
 
-def _rows(scene: SceneRecord) -> Iterator[dict[str, Any]]:
+def _rows(scene: SceneRecord, frames: int) -> Iterator[dict[str, Any]]:
     place = {"material": scene.material, "environment": scene.environment}
     for rival in (*scene.path_tracing, *scene.progressive):
         timing = rival.seconds
         times = {"frame_seconds": timing.median, "frame_seconds_low": timing.low, "frame_seconds_high": timing.high}
         method = "path tracing" if rival.pass_samples is None else f"path tracing, passes of {rival.pass_samples}"
-        yield {**place, "method": method, "samples": rival.samples, **_error(rival.error), **times}
+        job = {"once_seconds": 0.0, "job_seconds": frames * timing.median}
+        yield {**place, "method": method, "samples": rival.samples, **_error(rival.error), **times, **job}
     for point in scene.points:
-        yield {**place, **_point(point), **_error(point.error)}
+        yield {**place, **_point(point, frames), **_error(point.error)}
 
 
 def _error(error: ErrorRecord) -> dict[str, Any]:
@@ -105,17 +117,33 @@ def _error(error: ErrorRecord) -> dict[str, Any]:
     }
 
 
-def _point(point: PointRecord) -> dict[str, Any]:
+def _point(point: PointRecord, frames: int) -> dict[str, Any]:
     baked = point.bake
+    own = ("method", "warp", "weights", "precision", "noise", "bytes", "prepare_seconds", "compile_seconds")
     return {
-        **{name: getattr(point, name) for name in ("method", "warp", "weights", "precision", "noise", "bytes")},
-        **{name: getattr(baked, name) for name in ("views", "resolution", "samples", "compile_seconds", "disk_bytes")},
+        **{name: getattr(point, name) for name in (*own, "once_seconds")},
+        **{name: getattr(baked, name) for name in ("views", "resolution", "samples", "setup_seconds", "disk_bytes")},
         "bias": point.bias.value,
         "worst_lobe": point.worst_lobe or "",
         "bake_seconds": baked.seconds.median,
         "bake_seconds_low": baked.seconds.low,
         "bake_seconds_high": baked.seconds.high,
+        "views_seconds": baked.views_seconds.median,
+        "job_seconds": point.job_seconds(frames),
         "frame_seconds": point.frame_seconds.median,
         "frame_seconds_low": point.frame_seconds.low,
         "frame_seconds_high": point.frame_seconds.high,
+        **_eval(point),
+    }
+
+
+def _eval(point: PointRecord) -> dict[str, Any]:
+    if point.eval_rel_mse is None or point.eval_seconds is None:
+        return {}
+    low, high = point.eval_rel_mse.ci95
+    return {
+        "eval_rel_mse": point.eval_rel_mse.value,
+        "eval_rel_mse_low": low,
+        "eval_rel_mse_high": high,
+        "eval_seconds": point.eval_seconds.median,
     }

@@ -1,4 +1,4 @@
-"""What a study measured: one record a picture, a bake, a reference; the same in memory, in the journal and in JSON."""
+"""Records of a study's measurements: pictures, bakes, references; the same in memory, in the journal and in JSON."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Record(BaseModel):
-    """Immutable, without NaN, refusing what it does not know."""
+    """Base of all records: immutable, without NaN, unknown fields are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -40,9 +40,14 @@ class Timing(Record):
         """Time of `count` times the work."""
         return Timing(median=count * self.median, low=count * self.low, high=count * self.high, runs=self.runs)
 
+    def plus(self, seconds: float) -> Timing:
+        """Time of the work and of `seconds` of other work, which was measured once."""
+        bounds = {name: getattr(self, name) + seconds for name in ("median", "low", "high")}
+        return Timing(**bounds, runs=self.runs)
+
 
 class ErrorRecord(Record):
-    """Error over all judged views, the noise of the reference taken out of relMSE."""
+    """Error over all judged views; the noise of the reference is subtracted from relMSE."""
 
     rel_mse: EstimateModel = Field(description="mean over the views")
     rel_mse_range: tuple[float, float] = Field(description="least and largest of the views")
@@ -54,7 +59,7 @@ class ErrorRecord(Record):
 
     @classmethod
     def of(cls, errors: Sequence[MapError]) -> ErrorRecord:
-        """Take the mean over the views."""
+        """Mean over the views."""
         values = [error.rel_mse.value for error in errors]
         energy = [error.energy_ratio for error in errors if error.energy_ratio is not None]
         zones = {name for error in errors for name in error.rel_mse_zones}
@@ -74,20 +79,31 @@ class ErrorRecord(Record):
 
 
 class BakeRecord(Record):
-    """A bake, and what it cost."""
+    """A bake and its cost."""
 
     samples: int
     resolution: int
     subdivision: int | None = Field(description="of the icosahedron; null for views of the user's own")
     views: int = Field(description="stored views")
-    seconds: Timing = Field(description="all views, each counted with the median view's time: nothing compiled")
-    compile_seconds: Positive = Field(description="what the first view took longer than the median")
-    wall_seconds: float | None = Field(description="whole command, with loading and fitting; null where resumed")
+    seconds: Timing = Field(description="the whole bake: views_seconds and setup_seconds")
+    views_seconds: Timing = Field(description="rendering of all views, each counted with the time of the median view")
+    setup_seconds: Positive = Field(
+        description="the rest of the wall time: loading, probes, lobe fits, light tables, compilation, writing"
+    )
+    compile_seconds: Positive = Field(
+        description="of it the first view's time beyond the median; the longest of all bakes"
+    )
     disk_bytes: int = Field(description="all maps on disk, with their variance, compressed")
+
+    def compiling(self, seconds: float) -> BakeRecord:
+        """Return the same with another compilation time, which counts in the whole."""
+        more = seconds - self.compile_seconds
+        whole = {"seconds": self.seconds.plus(more), "setup_seconds": self.setup_seconds + more}
+        return self.model_copy(update={**whole, "compile_seconds": seconds})
 
 
 class PointRecord(Record):
-    """A picture by one method from one bake: its error over all judged views, and every cost."""
+    """One variant on one bake: error over all judged views, and every cost."""
 
     label: str = Field(description="unique within the scene")
     method: str
@@ -96,36 +112,51 @@ class PointRecord(Record):
     precision: str
     bake: BakeRecord
     error: ErrorRecord
-    noise: Positive = Field(description="share of relMSE that the noise of the maps makes, from their stored variance")
-    bias: EstimateModel = Field(description="the rest: what more samples in the bake would not take away")
+    noise: Positive = Field(description="part of relMSE from the noise of the maps, predicted by their stored variance")
+    bias: EstimateModel = Field(description="the rest of relMSE, independent of the samples of the bake")
     lobes: dict[str, EstimateModel] | None = Field(
-        description="relMSE that each lobe's own error makes, against the whole's radiance; null where there is one"
+        description="contribution of each lobe to relMSE, relative to the whole radiance; null for a single lobe"
     )
-    frame_seconds: Timing = Field(description="a picture")
+    eval_rel_mse: EstimateModel | None = Field(
+        description="relMSE of eval at random points of each texel, mean over the views; null where not judged"
+    )
+    eval_seconds: Timing | None = Field(description="one evaluation of eval, a value a view; null where not judged")
+    prepare_seconds: Positive = Field(
+        description="before the first picture: decoding and upload of maps and light, tables, residuals"
+    )
+    compile_seconds: Positive = Field(
+        description="first picture's time beyond the others: tracing, compilation; the longest of the same variant"
+    )
+    frame_seconds: Timing = Field(description="a picture, nothing compiled")
     bytes: int = Field(description="what the method reads, in memory: three channels a texel, at the precision given")
 
     @property
     def rel_mse(self) -> float:
-        """Its error: the headline."""
+        """relMSE, mean over the views."""
         return self.error.rel_mse.value
 
     @property
     def worst_lobe(self) -> str | None:
-        """Name of the lobe that errs most."""
+        """Name of the lobe with the largest error."""
         return max(self.lobes, key=lambda name: self.lobes[name].value) if self.lobes else None  # type: ignore[index]
 
     @property
     def curve(self) -> str:
-        """Name of all points that differ from this one in the samples alone."""
+        """Name shared by all points that differ only in samples."""
         return self.label.rpartition(", ")[0]
 
+    @property
+    def once_seconds(self) -> float:
+        """Time before the first picture: bake, preparation and compilation."""
+        return self.bake.seconds.median + self.prepare_seconds + self.compile_seconds
+
     def job_seconds(self, frames: int) -> float:
-        """Time to bake and to make `frames` pictures."""
-        return self.bake.seconds.median + frames * self.frame_seconds.median
+        """Time of a whole job: bake, preparation, compilation and `frames` pictures."""
+        return self.once_seconds + frames * self.frame_seconds.median
 
 
 class PathTracingRecord(Record):
-    """Path-traced pictures, by no random number that a reference used."""
+    """Path-traced pictures; they share no random number with a reference."""
 
     samples: int
     pass_samples: int | None = Field(description="samples of a pass; null: all stratified among each other")
@@ -134,7 +165,7 @@ class PathTracingRecord(Record):
 
 
 class ReferenceRecord(Record):
-    """The truth of one scene."""
+    """References of one scene."""
 
     samples: int
     buffers: int
@@ -155,7 +186,7 @@ class SceneRecord(Record):
 
     @property
     def name(self) -> str:
-        """As a person calls it."""
+        """Name to show."""
         return f"{self.material} under {self.environment}"
 
 

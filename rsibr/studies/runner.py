@@ -1,4 +1,4 @@
-"""Runs a study: everything that it asks for and that is not there yet, then what all of it says together."""
+"""Runs a study: measures what is missing, analyses all results, writes the report."""
 
 from __future__ import annotations
 
@@ -6,22 +6,23 @@ import os
 import platform
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from rsibr import backend
+from rsibr import backend, clock
 from rsibr.progress import Progress
 from rsibr.studies.agenda import Agenda, agenda_of
 from rsibr.studies.analysis import SceneAnalysis, analyse
 from rsibr.studies.bench import Bench
 from rsibr.studies.config import StudyConfig, load_study, parse_study
-from rsibr.studies.document import JudgeRecord, MachineRecord, StudyDocument
+from rsibr.studies.document import JudgeRecord, MachineRecord, StepRecord, StudyDocument
 from rsibr.studies.doubling import doubling_of
-from rsibr.studies.forecast import Rates, Step, steps_of
+from rsibr.studies.forecast import Forecast, Step
 from rsibr.studies.journal import Journal, lock_study
 from rsibr.studies.judged_scene import JudgedScene
+from rsibr.studies.page import Drawn
 from rsibr.studies.report import write_study
 from rsibr.studies.results import PointRecord, SceneRecord
 from rsibr.studies.scene import judged_views, load_scenes
@@ -52,13 +53,13 @@ class Study:
 
     @property
     def scenes(self) -> list[tuple[SceneRecord, SceneAnalysis]]:
-        """Each scene with what its points say together."""
+        """Each scene with its analysis."""
         return list(zip(self.document.scenes, self.document.analyses, strict=True))
 
     def points(self, **wanted: str | int) -> list[PointRecord]:
-        """Points of all scenes that have the values given, of the bake's fields or their own.
+        """Points of all scenes whose fields, or whose bake's fields, have the given values.
 
-        >>> study.points(method="rsibr", samples=256)       # doctest: +SKIP
+        >>> study.points(samples=256, precision="float32")       # doctest: +SKIP
         """
         return [
             point
@@ -75,7 +76,7 @@ def study(
     out: Path | str,
     on_progress: Callable[[Progress], None] = lambda _: None,
 ) -> Study:
-    """Measure error against time over a sweep, and write what it shows.
+    """Measure error against time over parameter sweeps, and write the report.
 
     A study that was killed goes on where it was; one whose config has changed keeps every result that is still asked
     for. Bakes and references are shared by all that need them.
@@ -87,7 +88,8 @@ def study(
     out : path
         Directory of the study, made if need be.
     on_progress : callable
-        Called before the first step, with the time that all are expected to take, and after each.
+        Called before each step with the time that is expected to be done and in all, and once more at the end. Before
+        the first step, what is done is the preparation: start-up, loading, measuring the speed of the machine.
 
     Returns
     -------
@@ -103,31 +105,81 @@ def study(
     MachineError
         If the machine has no usable backend, or the disk is full.
     """
-    settings = _settings(config)
-    agenda = agenda_of(settings)
-    variant = backend.use()
-    folder = Path(out)
-    with lock_study(folder):
-        start = time.perf_counter()
-        benches = _benches(settings, agenda, folder)
-        rates = Rates(benches[0].scene)
-        todo = [(bench, list(steps_of(bench, agenda, settings.path_tracing, rates))) for bench in benches]
-        expected = sum(step.seconds for _, steps in todo for step in steps)
-        _run(todo, expected, on_progress)
-        scenes = [_scene_record(bench, agenda, settings) for bench in benches]
+    with clock.counting() as begun:
+        settings = _settings(config)
+        agenda = agenda_of(settings)
+        backend.use()
+        folder = Path(out)
+        with lock_study(folder):
+            benches = _benches(settings, agenda, folder)
+            return _Run(settings, agenda, benches, folder, begun).done(on_progress)
+
+
+@dataclass(eq=False)
+class _Run:
+    """One run of a study, from its preparation to its page."""
+
+    settings: StudyConfig
+    agenda: Agenda
+    benches: list[Bench]
+    folder: Path
+    begun: float
+    _steps: list[StepRecord] = field(default_factory=list)
+
+    def done(self, on_progress: Callable[[Progress], None]) -> Study:
+        """Do the remaining steps and write the study."""
+        forecast = Forecast(self.benches, self.agenda, self.settings.path_tracing)
+        todo = [(bench, forecast.steps(number)) for number, bench in enumerate(self.benches)]
+        page_seconds = forecast.page_seconds if any(steps for _, steps in todo) else 0.0
+        self._note("preparation", self._elapsed, self._elapsed)
+        self._work(todo, page_seconds, on_progress)
+        document, drawn = self._told(page_seconds)
+        write_study(document, self.folder, drawn)
+        return Study(document, self.folder)
+
+    @property
+    def _elapsed(self) -> float:
+        return time.perf_counter() - self.begun
+
+    def _note(self, step: str, expected: float, seconds: float) -> None:
+        self._steps.append(StepRecord(step=step, expected_seconds=expected, seconds=seconds))
+
+    def _work(
+        self, todo: list[tuple[Bench, list[Step]]], page_seconds: float, on_progress: Callable[[Progress], None]
+    ) -> None:
+        """Do the steps and record the time of each."""
+        left = page_seconds + sum(step.seconds for _, steps in todo for step in steps)
+        done = self._steps[0].seconds if left else 0.0  # a finished study has no steps to show progress of
+        total = done + left
+        for bench, steps in todo:
+            for step in steps:
+                name, start = f"{bench.scene.name}: {step.name}", time.perf_counter()
+                on_progress(Progress(done, total, name))
+                step.run()
+                done += step.seconds
+                self._note(name, step.seconds, time.perf_counter() - start)
+            bench.close()
+        on_progress(Progress(total, total, "done"))
+
+    def _told(self, page_seconds: float) -> tuple[StudyDocument, Drawn]:
+        """Document and figures of all results; the time of drawing is part of the run."""
+        start, frames = time.perf_counter(), self.settings.judge.frames
+        scenes = [_scene_record(bench, self.agenda, self.settings) for bench in self.benches]
         document = StudyDocument(
             schema=1,
-            name=settings.name,
-            judge=_judge_record(settings, benches[0]),
-            machine=_machine_record(variant),
-            expected_seconds=expected,
-            seconds=time.perf_counter() - start,
+            name=self.settings.name,
+            judge=_judge_record(self.settings, self.benches[0]),
+            machine=_machine_record(backend.use()),
+            expected_seconds=sum(step.expected_seconds for step in self._steps) + page_seconds,
+            seconds=self._elapsed,
+            steps=self._steps,
             scenes=scenes,
-            analyses=[analyse(scene, settings.judge.frames) for scene in scenes],
-            doubling=doubling_of(scenes, settings.judge.frames),
+            analyses=[analyse(scene, frames) for scene in scenes],
+            doubling=doubling_of(scenes, frames),
         )
-        write_study(document, folder)
-    return Study(document, folder)
+        drawn = Drawn.of(document)
+        self._note("page", page_seconds, time.perf_counter() - start)
+        return document.model_copy(update={"seconds": self._elapsed, "steps": self._steps}), drawn
 
 
 def _settings(config: StudyConfig | Mapping[str, Any] | Path | str) -> StudyConfig:
@@ -139,22 +191,11 @@ def _settings(config: StudyConfig | Mapping[str, Any] | Path | str) -> StudyConf
 def _benches(settings: StudyConfig, agenda: Agenda, folder: Path) -> list[Bench]:
     resolution = settings.judge.resolution or max(size.resolution for size in agenda)
     frames, journal = judged_views(settings), Journal(folder / JOURNAL_NAME)
-    store = TruthStore(folder / REFERENCES_NAME, journal)
+    store, compiled = TruthStore(folder / REFERENCES_NAME, journal), dict[str, float]()
     return [
-        Bench(JudgedScene(scene, frames, settings.judge, store), journal, folder / BAKES_NAME)
+        Bench(JudgedScene(scene, frames, settings.judge, store), journal, folder / BAKES_NAME, compiled)
         for scene in load_scenes(settings, resolution)
     ]
-
-
-def _run(todo: list[tuple[Bench, list[Step]]], total: float, on_progress: Callable[[Progress], None]) -> None:
-    done = 0.0
-    for bench, steps in todo:
-        for step in steps:
-            on_progress(Progress(done, total, f"{bench.scene.name}: {step.name}"))
-            step.run()
-            done += step.seconds
-        bench.close()
-    on_progress(Progress(total, total, "done"))
 
 
 def _scene_record(bench: Bench, agenda: Agenda, settings: StudyConfig) -> SceneRecord:

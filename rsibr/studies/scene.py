@@ -1,4 +1,4 @@
-"""One material under one environment, loaded, and the views that it is judged at."""
+"""One material under one environment, and the views at which error is measured."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _VIEW_BRANCH = 0x7374_7564
 
 @dataclass(frozen=True, eq=False)
 class StudyScene:
-    """A material under an environment, as a study names and judges it.
+    """A material under an environment, with its names in the study.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class StudyScene:
 
     @property
     def config(self) -> Config:
-        """As the base config has it, with this material and environment."""
+        """The base config with this material and environment."""
         return self.prepared.config
 
     @property
@@ -67,17 +67,17 @@ class StudyScene:
 
     @property
     def name(self) -> str:
-        """As a person calls it."""
+        """Name to show."""
         return f"{self.material_name} under {self.environment_name}"
 
     @property
     def seed(self) -> int:
-        """Root of all randomness."""
+        """Root of the seed tree."""
         return self.config.sampling.seed
 
     @cached_property
     def rendering(self) -> Rendering:
-        """What the bakes of this scene carry along a path, and its truth as well."""
+        """Rendering of the bakes and references of this scene."""
         return ColourEffects.of(self.config).rendering
 
     @cached_property
@@ -87,7 +87,7 @@ class StudyScene:
 
     @cached_property
     def content(self) -> dict[str, Any]:
-        """What every bake of this scene depends on, beside its size."""
+        """Everything that a bake of this scene depends on, except its size."""
         return {
             "environment": self.environment.digest,
             "material": self.material.digest,
@@ -102,12 +102,12 @@ class StudyScene:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What every picture of this scene depends on."""
+        """Everything that a picture of this scene depends on."""
         return {**self.content, "resolution": self.resolution}
 
 
 def load_scenes(study: StudyConfig, resolution: int) -> list[StudyScene]:
-    """Prepare every scene of a study, and give each a name of its own."""
+    """Prepare every scene of a study and give it a unique name."""
     prepared = [Scene.prepare(config) for config in study.scenes]
     materials = _names({_of_material(scene): _with_warp(scene) for scene in prepared})
     environments = _names({scene.environment.digest: scene.environment.name for scene in prepared})
@@ -118,7 +118,7 @@ def load_scenes(study: StudyConfig, resolution: int) -> list[StudyScene]:
 
 
 def judged_views(study: StudyConfig) -> list[NDArray[np.float64]]:
-    """Frames of the views to judge at, the same in every scene and for every bake.
+    """Frames of the judged views, the same for every scene and bake.
 
     The first half, rounded up, look along triangle centroids of the icosahedron (of the user's own views where the base
     config has them): the places farthest from every stored view. Subdividing leaves a triangle around each of them,
@@ -135,13 +135,13 @@ def _of_material(scene: Scene) -> str:
 
 
 def _with_warp(scene: Scene) -> str:
-    """Name a material, and its warp where that is otherwise than it would be by itself."""
+    """Name of a material, with its warp if that is not the default."""
     name, warp = scene.material.name, scene.config.material.warp
     return name if warp == "auto" else f"{name} ({warp} warp)"
 
 
 def _names(by_digest: Mapping[str, str]) -> dict[str, str]:
-    """Number names that several contents share."""
+    """Make names unique by numbers."""
     named: dict[str, str] = {}
     for digest, name in by_digest.items():
         unique, number = name, 1

@@ -1,4 +1,4 @@
-"""What everything is judged by, rendered once and kept on disk."""
+"""References on disk, rendered once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 class TruthStore:
-    """References and the like on disk, rendered once.
+    """Store of references and lobe references on disk.
 
     Parameters
     ----------
@@ -36,13 +36,13 @@ class TruthStore:
         make_folder(folder)
 
     def has(self, key: Mapping[str, Any]) -> bool:
-        """Whether the arrays of `key` are there, whole."""
+        """Whether the arrays of `key` are on disk and undamaged."""
         note = self._journal.find(key)
         path = self._path(key)
         return note is not None and path.is_file() and file_checksum(path) == note["sha256"]
 
     def get(self, key: Mapping[str, Any], make: Callable[[], tuple[Arrays, dict[str, Any]]]) -> tuple[Arrays, Any]:
-        """Return the arrays of `key` and what is known of them; make and keep them where they are not there, whole."""
+        """Return the arrays of `key` and their facts; make and store them where missing or damaged."""
         if not self.has(key):
             arrays, facts = make()
             data = _packed(arrays)
@@ -55,12 +55,12 @@ class TruthStore:
 
 
 def reference_key(scene: StudyScene, frame: NDArray[np.float64], samples: int) -> dict[str, Any]:
-    """What a reference depends on."""
+    """Key of a reference: everything that it depends on."""
     return {"kind": "reference", **scene.identity, "frame": frame.tolist(), "samples": samples}
 
 
 def reference_of(scene: StudyScene, frame: NDArray[np.float64], samples: int, store: TruthStore) -> Reference:
-    """Path-traced truth of a view, from the disk where it is there."""
+    """Path-traced reference of a view, from disk if it is there."""
 
     def make() -> tuple[Arrays, dict[str, Any]]:
         made = scene.tracer.render(frame, samples, seed=scene.seed, buffers=MINIMUM_BUFFERS)

@@ -1,4 +1,4 @@
-"""A picture in every way that a study asks for: another warp, other weights, maps of another precision."""
+"""Variants of reconstruction: another warp, other weights, maps of another precision."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FLOAT_BYTES = {"float32": 4, "float16": 2}
 
 
 def half_maps(bake: StoredMaps) -> AlteredMaps:
-    """A bake whose radiance is rounded to float16; what exceeds the largest half is held at it.
+    """A bake with radiance rounded to float16 and clamped to the largest finite half.
 
     The kernels still read float32: error and bytes are those of half floats, the time is not.
     """
@@ -39,7 +39,7 @@ def opened_at(bake: StoredMaps, precision: str) -> StoredMaps:
 
 
 def variant_of(methods: MethodSet, variant: Variant) -> Method:
-    """Make the method of a variant from a bake's methods; its precision is a matter of how the bake was opened."""
+    """Make the method of a variant; its precision is that of the opened bake."""
     options: dict[str, Any] = {}
     if variant.weights != own_weights(variant.method):
         options["weights"] = variant.weights
@@ -49,7 +49,7 @@ def variant_of(methods: MethodSet, variant: Variant) -> Method:
 
 
 def bytes_read(bake: StoredMaps, method: str, precision: str) -> int:
-    """Size of what a method reads [bytes], in memory: three channels a texel of each map, and the light if it does."""
+    """Memory that a method reads [bytes]: three channels a texel of each map, and the light if needed."""
     needs, texels = registration(method).needs, bake.view_count * bake.resolution**2
     maps = 3 * _FLOAT_BYTES[precision] * texels
     return maps + (bake.light.nbytes if needs.light else 0)

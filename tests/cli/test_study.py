@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 
@@ -36,7 +37,8 @@ def test_a_study_prints_what_it_expects_and_what_it_found(shell: Shell, study, t
     assert "expected to take" in ended.stderr
     assert "matte-lambert under constant: Pareto front" in ended.stdout
     assert "gain of doubling the time" in ended.stdout
-    assert f"\nreport: {tmp_path / 'out' / 'study.html'}\n" in ended.stdout
+    assert re.search(r"\nforecast .*, took .*\nreport: ", ended.stdout)
+    assert f"report: {tmp_path / 'out' / 'study.html'}\n" in ended.stdout
     assert {"study.html", "study.json", "study.csv"} <= {path.name for path in (tmp_path / "out").iterdir()}
     again = shell("study", study, "--out", tmp_path / "out", "--json")
     assert "already complete" in again.stderr

@@ -51,15 +51,21 @@ def point(
     noise: float = 0.0,
     frame_seconds: float = 0.001,
     size: int = MEGABYTE,
+    setup_seconds: float = 0.0,
+    prepare_seconds: float = 0.0,
+    compile_seconds: float = 0.0,
+    eval_rel_mse: float | None = None,
 ) -> PointRecord:
+    """A point; `bake_seconds` is the rendering time of the bake's views."""
     baked = BakeRecord(
         samples=samples,
         resolution=64,
         subdivision=0,
         views=views,
-        seconds=timing(bake_seconds),
-        compile_seconds=0.5,
-        wall_seconds=None,
+        seconds=timing(bake_seconds).plus(setup_seconds),
+        views_seconds=timing(bake_seconds),
+        setup_seconds=setup_seconds,
+        compile_seconds=setup_seconds / 2,
         disk_bytes=3 * MEGABYTE,
     )
     return PointRecord(
@@ -73,6 +79,10 @@ def point(
         noise=noise,
         bias=estimate(rel_mse - noise),
         lobes={"diffuse": estimate(rel_mse / 4), "glossy-0.1": estimate(rel_mse / 2)} if method == "rsibr" else None,
+        eval_rel_mse=None if eval_rel_mse is None else estimate(eval_rel_mse),
+        eval_seconds=None if eval_rel_mse is None else timing(1e-7),
+        prepare_seconds=prepare_seconds,
+        compile_seconds=compile_seconds,
         frame_seconds=timing(frame_seconds),
         bytes=size,
     )

@@ -92,6 +92,30 @@ def test_equal_time_and_equal_error_in_closed_form():
     assert analyse(scene([point(0.01, 200.0)]), frames=10).rivals[0].extrapolated
 
 
+def test_all_that_is_spent_once_counts_in_every_analysis():
+    """Rendering of 1 s, set-up of 2, preparation of 3, compilation of 4, then 10 pictures of 1 ms."""
+    whole = point(0.01, 1.0, setup_seconds=2.0, prepare_seconds=3.0, compile_seconds=4.0)
+    assert whole.once_seconds == pytest.approx(10)
+    assert whole.job_seconds(10) == pytest.approx(10.01)
+    (row,) = analyse(scene([whole]), frames=10).rivals
+    assert row.job_seconds == pytest.approx(10.01)
+    assert row.break_even_views == 102  # 10 s over the 99 ms that each picture saves
+    cheap = point(0.02, 2.0, method="cabral1999")  # renders longer, and is ready much sooner
+    assert analyse(scene([whole, cheap]), frames=10).fronts["once_seconds"].on == [cheap.label, whole.label]
+    assert analyse(scene([whole, cheap]), frames=10).job_front == [cheap.label, whole.label]
+    assert crossover([whole], analyse(scene([whole]), frames=10).path_tracing.law, 1000).from_seconds == pytest.approx(
+        11
+    )
+
+
+def test_set_up_leaves_the_slope_of_the_noise_as_it_is():
+    bare = converging(0.0, 1.0)
+    slow = [p.model_copy(update={"bake": p.bake.compiling(50.0)}) for p in bare]
+    assert slow[0].bake.seconds.median == pytest.approx(bare[0].bake.seconds.median + 50)
+    (one,), (other,) = convergence_of(bare), convergence_of(slow)
+    assert one.slope == other.slope
+
+
 def test_what_is_below_the_noise_floor_has_no_equal_error():
     (row,) = analyse(scene([point(-1e-6, 2.0)]), frames=10).rivals
     assert row.path_tracing_seconds is None
@@ -112,7 +136,7 @@ def test_the_crossover_in_closed_form():
 def test_fronts_name_what_is_dominated_and_by_what():
     good, bad = point(0.01, 1.0), point(0.02, 2.0, method="cabral1999", frame_seconds=1e-4)
     found = analyse(scene([good, bad]), frames=10)
-    assert found.fronts["bake_seconds"].dominated == {bad.label: good.label}
+    assert found.fronts["once_seconds"].dominated == {bad.label: good.label}
     assert found.fronts["frame_seconds"].on == [bad.label, good.label]
     assert found.fronts["frame_seconds"].dominated == {}
     assert found.job_front == [good.label]

@@ -18,9 +18,12 @@ import pytest
 
 import rsibr
 from rsibr.errors import InputError
+from rsibr.store.bake import open_bake
 from rsibr.studies.document import StudyDocument, study_schema
+from rsibr.studies.page import estimate
 from rsibr.studies.report import COLUMNS
 from rsibr.studies.runner import study
+from rsibr.validation.report.page import duration
 from tests.studies.conftest import tables
 from tests.validation.report.test_report import Page
 
@@ -55,8 +58,14 @@ def test_every_point_of_the_plan_is_there_with_its_error_and_its_costs(small):
         assert 0 < point.error.rel_mse.value < 1
         assert point.frame_seconds.runs == 2 * 3
         assert 0 < point.frame_seconds.low <= point.frame_seconds.median <= point.frame_seconds.high
-        assert point.bake.seconds.median > 0
-        assert point.bake.wall_seconds > point.bake.compile_seconds >= 0
+        bake = point.bake
+        assert bake.views_seconds.median > 0
+        assert bake.setup_seconds > bake.compile_seconds >= 0
+        assert bake.seconds.median == pytest.approx(bake.views_seconds.median + bake.setup_seconds)
+        assert point.prepare_seconds > 0
+        assert point.once_seconds == pytest.approx(bake.seconds.median + point.prepare_seconds + point.compile_seconds)
+        assert 0 < point.eval_rel_mse.value < 1
+        assert 0 < point.eval_seconds.median < point.frame_seconds.median
         assert point.bias.value == pytest.approx(point.rel_mse - point.noise)
         assert (point.lobes is not None) == (point.method == "rsibr")
     assert [picture.samples for picture in scene.path_tracing] == [16, 64, 256]
@@ -74,6 +83,38 @@ def test_noise_falls_with_the_samples_and_bias_stays(small):
     assert max(biases) < 1.2 * min(biases)
     assert paper.bias == pytest.approx(biases[-1], rel=0.2)
     assert paper.noise == pytest.approx(paper.predicted_noise, rel=0.6)
+
+
+def test_a_bake_counts_what_it_found_made(small):
+    """The parts that all bakes of a scene share are made once, and are in the time of each."""
+    bakes = [open_bake(path) for path in (small.out / "bakes").iterdir()]
+    assert len(bakes) == 3
+    records = {point.bake.samples: point.bake for point in small.points()}
+    for bake in bakes:
+        record = records[bake.manifest.samples]
+        assert record.seconds.median >= 0.999 * bake.seconds
+        assert bake.seconds > bake.manifest.total_seconds
+    least = min(record.setup_seconds for record in records.values())
+    assert least > 0.3 * max(record.setup_seconds for record in records.values())
+
+
+def test_variants_of_one_kernel_are_charged_with_one_compilation(small):
+    for method in ("cabral1999", "rsibr"):
+        assert len({p.compile_seconds for p in small.points(method=method, warp="texel")}) <= 3
+        first, *others = (p.compile_seconds for p in small.points(method=method, warp="texel"))
+        assert all(other >= first for other in others)
+
+
+def test_every_step_tells_its_forecast_and_its_time(small):
+    document = small.document
+    names = [step.step.rpartition(": ")[2] for step in document.steps]
+    assert names[0] == "preparation"
+    assert names[-1] == "page"
+    assert names.count("bake of 12 views, 16², 4 samples") == 1
+    assert names.count("rsibr of 12 views") == 3
+    assert sum(step.expected_seconds for step in document.steps) == pytest.approx(document.expected_seconds)
+    assert sum(step.seconds for step in document.steps) == pytest.approx(document.seconds, rel=0.05)
+    assert all(step.expected_seconds > 0 for step in document.steps)
 
 
 def test_points_are_chosen_by_what_they_are(small):
@@ -161,8 +202,7 @@ def test_progress_tells_the_whole_before_the_first_step(asymmetric_environment, 
 
     with pytest.raises(KilledError):
         study(tables(asymmetric_environment), out=tmp_path, on_progress=stop)
-    assert seen[0].done == 0
-    assert 1 < seen[0].total < 300
+    assert 0 < seen[0].done < seen[0].total < 600  # the preparation is done
     assert "glossy-plastic under asymmetric: reference 1" in seen[0].step
 
 
@@ -205,6 +245,13 @@ def test_the_table_has_a_row_for_every_point(small):
     (point,) = small.points(precision="float16")
     assert float(row["rel_mse"]) == point.rel_mse
     assert float(row["bake_seconds"]) == point.bake.seconds.median
+    assert float(row["views_seconds"]) == point.bake.views_seconds.median
+    assert float(row["prepare_seconds"]) == point.prepare_seconds
+    assert float(row["compile_seconds"]) == point.compile_seconds
+    assert float(row["once_seconds"]) == point.once_seconds
+    assert float(row["job_seconds"]) == point.job_seconds(small.document.judge.frames)
+    assert float(row["eval_rel_mse"]) == point.eval_rel_mse.value
+    assert float(row["eval_seconds"]) == point.eval_seconds.median
     assert int(row["bytes"]) == point.bytes
     assert {row["method"] for row in rows} == {"path tracing", "path tracing, passes of 16", "cabral1999", "rsibr"}
 
@@ -220,6 +267,11 @@ def test_the_page_holds_all_it_shows(small):
     for point in small.document.scenes[0].points:
         assert page.text.count(point.label) >= 2
     assert "What do I buy with twice the time?" in page.text
+    for point in small.points():
+        for shown in (estimate(point.eval_rel_mse), duration(point.prepare_seconds), duration(point.compile_seconds)):
+            assert shown in page.text
+    written = StudyDocument.model_validate_json((small.out / "study.json").read_text(encoding="utf-8"))
+    assert f"took {duration(written.seconds)}; the forecast was {duration(written.expected_seconds)}" in page.text
     assert "nan" not in page.text.lower().split()
 
 
