@@ -10,6 +10,8 @@ from contextvars import ContextVar
 from pathlib import Path
 
 _IMPORTED = time.perf_counter()
+_AT_ONCE = 3.0  # seconds from the first import to the command, if the process was started for it
+_SAME_MOMENT = 0.1  # seconds within which two readings of the start of a process agree
 _ready: list[float] = []
 _waiting_since: ContextVar[float | None] = ContextVar("waiting_since", default=None)
 
@@ -27,6 +29,15 @@ def process_start() -> float:
 
 
 _LONGEST_START = 600.0  # seconds; a longer start-up is attributed to a clock that jumped
+
+
+def command_start() -> float:
+    """When the user began to wait for a command line: with the process, if it was started for this command.
+
+    Python that has run for a while and calls the command line itself is asked for it only now.
+    """
+    now = time.perf_counter()
+    return process_start() if now - _IMPORTED < _AT_ONCE else now
 
 
 @contextmanager
@@ -64,8 +75,13 @@ def note_ready() -> None:
 
 
 def start_up_seconds() -> float | None:
-    """Time from the start of the process until the backend was ready [s]; None if no backend has been used."""
-    return _ready[0] - process_start() if _ready else None
+    """Time from the start of the process to the first ready backend [s].
+
+    None where no backend was used, or the user does not wait since the process started.
+    """
+    start = process_start()
+    waited_for = abs(waiting_since() - start) < _SAME_MOMENT
+    return _ready[0] - start if _ready and waited_for else None
 
 
 def waiting_since() -> float:

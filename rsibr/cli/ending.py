@@ -44,7 +44,7 @@ def run(command: Callable[[], Any]) -> int:
         Other exceptions are bugs, and are raised.
     """
     try:
-        with clock.counting(clock.process_start()), _terminable(), _results_alone_on_stdout():
+        with clock.counting(clock.command_start()), _terminable(), _results_alone_on_stdout():
             return _ended(command)
     except BrokenPipeError:
         return _GONE

@@ -6,6 +6,7 @@ the variances of its Gaussian and of the lookup's tent filter, added.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import math
 from collections.abc import Sequence
@@ -27,7 +28,10 @@ WIDEST = 1.3
 
 _FINENESS = 2.2  # texels per standard deviation
 _LEAST_RESOLUTION = 8
+_REMEMBERED = 2  # environments whose levels are kept: 16 MB each for pictures of 512²
 _REACH, _TAPS = 2.8, 9  # of a blur: cut-off in standard deviations; taps a side
+
+_remembered: dict[bytes, list[NDArray[np.float32]]] = {}
 
 
 @dataclass(eq=False)
@@ -166,13 +170,24 @@ def blurred_levels(picture: NDArray[np.float32]) -> list[NDArray[np.float32]]:
     -------
     list of ndarray, shape (R_k, R_k, 3), float32
         Each level is blurred from the previous one by the difference of their variances, with that of the lookup's tent
-        filter subtracted.
+        filter subtracted. Read-only, for the levels of the last `_REMEMBERED` environments are kept: materials, sizes
+        and plans under one sky follow each other.
     """
+    key = hashlib.sha256(picture.tobytes()).digest()
+    if key not in _remembered:
+        _remembered[key] = _all_levels(picture)
+    while len(_remembered) > _REMEMBERED:
+        _remembered.pop(next(iter(_remembered)))
+    return list(_remembered[key])
+
+
+def _all_levels(picture: NDArray[np.float32]) -> list[NDArray[np.float32]]:
     widths, level, levels = level_widths(len(picture)), picture, []
     for before, width in itertools.pairwise(widths):
         resolution = level_resolution(len(picture), width)
         added = width**2 - _spacing(resolution) ** 2 / 6 - before**2
         level = _blurred(EnvironmentPyramid._stacked([level], [before]), math.sqrt(added), resolution)
+        level.setflags(write=False)
         levels.append(level)
     return levels
 

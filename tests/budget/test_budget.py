@@ -86,7 +86,7 @@ def test_seconds_choose_the_most_accurate_that_fits(config):
     assert record.chosen.upper <= best + 0.5 * record.forecast_error
 
 
-@pytest.mark.parametrize(("key", "said"), [("error=1e-7", "the best that can be is"), ("seconds=0.01", "are too few")])
+@pytest.mark.parametrize(("key", "said"), [("error=1e-7", "the smallest possible is"), ("seconds=0.01", "are too few")])
 def test_what_cannot_be_promised_is_refused_in_one_line(config, key, said):
     with pytest.raises(InputError, match=said) as refused:
         chosen(config, [*SMALL, "views.subdivision=0", f"budget.{key}"])

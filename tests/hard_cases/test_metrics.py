@@ -11,7 +11,7 @@ import pytest
 from rsibr import backend
 from rsibr.errors import CheckFailed
 from rsibr.geometry.frame import view_frame
-from rsibr.methods import reconstruction
+from rsibr.methods import Cost, reconstruction
 from rsibr.validation import reference as reference_module
 from rsibr.validation.flip import exposures_for
 from rsibr.validation.metrics import compare
@@ -143,7 +143,7 @@ def test_hc33_a_reconstruction_is_timed_until_the_device_has_finished():
 
     waited()  # compiles
     shortest = min(waited() for _ in range(3))
-    slow = SimpleNamespace(map=slow_map, name="slow")
+    slow = SimpleNamespace(map=slow_map, name="slow", cost=Cost())
     told = max(reconstruction.run(slow, view_frame([0, 0, 1]), 16).seconds for _ in range(3))
     assert shortest > 0.02
     assert told > 0.5 * shortest
