@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import drjit as dr
 import mitsuba as mi
@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from rsibr.geometry.projections.octahedral import texel_directions
 from rsibr.light.environment_pyramid import blurred_levels
 from rsibr.light.irradiance import irradiance_map
-from rsibr.scene.environment import Environment
 from rsibr.scene.wavelengths import Wavelengths
+
+if TYPE_CHECKING:
+    from rsibr.scene.environment import Environment  # a quarter of a second to import, and only a type here
 
 RESOLUTION = 512
 """Texels a side: 0.4° each, as fine as an environment map of 1024 × 512."""

