@@ -90,6 +90,7 @@ def test_without_light_samples_the_mean_stays_the_same(config, bsdf):
     assert noise[0] < 1.2 * noise[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sky", ["city", "courtyard"])
 def test_the_closed_form_of_a_mirror_is_its_map_under_a_real_sky(tmp_path, sky):
     """At the stored views: blocks of 4 × 4 texels against their noise, and the relMSE against that which noise makes.

@@ -150,7 +150,9 @@ def map_bytes(path):
     return {file.name: file.read_bytes() for file in sorted((path / "maps").iterdir())}
 
 
-@pytest.mark.parametrize("key", ["samples=64", "target_error=0.003", "time_budget_s=8"])
+@pytest.mark.parametrize(
+    "key", ["samples=64", "target_error=0.003", pytest.param("time_budget_s=8", marks=pytest.mark.slow)]
+)
 def test_resumed_it_ends_bit_identical_and_decides_nothing_anew(config, tmp_path, monkeypatch, key):
     whole = bake(config, out=tmp_path / "b.rsibr", overrides=[f"sampling.{key}"])
     kept, record = map_bytes(whole.path), whole.manifest.sampling

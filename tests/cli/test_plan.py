@@ -57,7 +57,12 @@ def test_the_documented_schema_is_that_of_the_code():
     assert set(json.loads(plan_schema())["required"]) >= {"schema", "missed", "plan"}
 
 
-@pytest.mark.parametrize("name", SWITCHES)
+SLOW = ("spectral", "polarisation")  # other variants of Mitsuba are compiled for
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in SWITCHES]
+)
 def test_each_effect_can_be_forced(shell, config, name):
     """On; what is not there is said to be forced against the evidence."""
     found = shell("plan", config, "--set", f"effects.{name}=on", "--json").json["plan"]

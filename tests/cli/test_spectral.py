@@ -32,6 +32,7 @@ def effects_of(document):
     return {effect["name"]: effect for effect in document["plan"]["effects"]}
 
 
+@pytest.mark.slow
 def test_gold_calls_for_spectra_and_its_bake_agrees_with_the_path_tracer(shell, gold, tmp_path):
     found = effects_of(shell("plan", gold, "--json").json)
     assert found["spectral"]["on"]
@@ -84,6 +85,7 @@ def test_a_spectral_bake_of_another_rendering_is_not_gone_on_with(shell, gold, t
     shell.refuses("bake", gold, "--out", tmp_path / "g.rsibr", "--set", "effects.polarisation=on", says="polarisation")
 
 
+@pytest.mark.slow
 def test_a_budget_of_seconds_times_samples_in_spectra(shell, gold):
     """The rate of the samples is measured in the variant that the bake will have."""
     document = shell("plan", gold, "--json", "--set", "budget.seconds=20").json

@@ -62,7 +62,9 @@ def named(material):
 
 @pytest.mark.parametrize("kind", ["spectral", "spectral_polarized"])
 @pytest.mark.parametrize(
-    "material", ["clearcoat-red", "candy-red", GOLD, POLARISING, TWO], ids=["coat", "paint", "gold", "pplastic", "two"]
+    "material",
+    ["clearcoat-red", "candy-red", GOLD, POLARISING, pytest.param(TWO, marks=pytest.mark.slow)],
+    ids=["coat", "paint", "gold", "pplastic", "two"],
 )
 def test_bake_agrees_with_the_path_tracer(kind, material):
     environment, material = courtyard(), named(material)

@@ -33,6 +33,7 @@ def bakes(asymmetric_environment, tmp_path_factory):
     return [bake(config, out=folder / f"{seed}.rsibr") for seed, config in enumerate(configs)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["nearest", "cabral1999", "rsibr"])
 def test_the_predicted_noise_is_that_of_independent_bakes(bakes, method):
     """Within a quarter.

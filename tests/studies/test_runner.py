@@ -132,6 +132,7 @@ def test_a_finished_study_has_nothing_left_to_do(small, asymmetric_environment):
     assert again.document.scenes == small.document.scenes
 
 
+@pytest.mark.slow
 def test_killed_between_any_two_steps_it_goes_on_and_ends_as_if_never_killed(small, asymmetric_environment, tmp_path):
     settings = tables(asymmetric_environment)
     runs = []
@@ -170,6 +171,7 @@ def test_killed_by_the_system_it_goes_on_and_ends_as_if_never_killed(small, asym
     assert errors(found) == errors(small)
 
 
+@pytest.mark.slow
 def test_what_was_altered_on_disk_is_made_anew(small, asymmetric_environment, tmp_path):
     out = shutil.copytree(small.out, tmp_path / "study")
     reference = next((out / "references").glob("reference-*.npz"))
@@ -182,6 +184,7 @@ def test_what_was_altered_on_disk_is_made_anew(small, asymmetric_environment, tm
     assert reference.read_bytes() == whole
 
 
+@pytest.mark.slow
 def test_a_wider_sweep_keeps_what_was_measured(small, asymmetric_environment, tmp_path):
     out = shutil.copytree(small.out, tmp_path / "study")
     settings = tables(asymmetric_environment)
