@@ -12,7 +12,7 @@ from rsibr.cli.options import BakePath, Imports, Json, check_output_folder, impo
 if TYPE_CHECKING:
     from rsibr.validation.results import Validation
 
-TABLE_WIDTH = 130
+TABLE_WIDTH = 150
 """Minimum width of the table of methods, in characters."""
 
 MOST_VIEWS = 10_000
