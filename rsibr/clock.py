@@ -31,13 +31,18 @@ def process_start() -> float:
 _LONGEST_START = 600.0  # seconds; a longer start-up is attributed to a clock that jumped
 
 
-def command_start() -> float:
+def command_start(imported: float = _IMPORTED) -> float:
     """When the user began to wait for a command line: with the process, if it was started for this command.
 
     Python that has run for a while and calls the command line itself is asked for it only now.
+
+    Parameters
+    ----------
+    imported : float
+        When this module was imported, on the scale of `time.perf_counter`.
     """
     now = time.perf_counter()
-    return process_start() if now - _IMPORTED < _AT_ONCE else now
+    return process_start() if now - imported < _AT_ONCE else now
 
 
 @contextmanager
