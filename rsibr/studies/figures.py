@@ -27,6 +27,9 @@ _OTHERS = _METHODS[2:]
 
 _MARKERS = "osD^vP*X"
 _FLOOR = "#e8e8e8"
+_ONE_VALUE = 1 + 1e-6
+"""Ratio of the largest value to the least below which they differ by rounding: Matplotlib's limits would coincide."""
+
 _COST_LABELS = {
     "once_seconds": ("before the first", "s"),
     "bytes": ("in memory", "B"),
@@ -191,6 +194,8 @@ def _dots(axes: Axes, rows: Any, values: Iterable[float | None], marker: str, co
 
 def _rival(axes: Axes, rivals: Sequence[PathTracingRecord], law: PowerLaw, name: str, colour: str) -> None:
     _with_bars(axes, [r.seconds.median for r in rivals], [r.error.rel_mse for r in rivals], colour, "s")
+    if not any(r.error.rel_mse.value > 0 for r in rivals):
+        return  # a black scene: its law is that of placeholders
     label = f"{name}, slope {law.slope:.2f}".replace("-", "−")
     axes.plot(law.range, [law.at(x) for x in law.range], color=colour, linewidth=1, label=label)
 
@@ -229,11 +234,13 @@ def _with_bars(axes: Axes, x: Sequence[float], estimates: Sequence[Any], colour:
 
 
 def _logarithmic(axes: Axes, which: str = "xy") -> None:
-    """Make axes logarithmic; axes without positive data, as of a black scene, get fixed limits."""
-    for name, high in zip("xy", axes.dataLim.max, strict=True):
+    """Make axes logarithmic; axes without positive data, as of a black scene, and of a single value get fixed limits."""
+    for name, low, high in zip("xy", axes.dataLim.minpos, axes.dataLim.max, strict=True):
         if name in which:
             if not 0 < high < np.inf:
                 axes.set(**{f"{name}lim": (0.1, 1)})
+            elif high / low < _ONE_VALUE:
+                axes.set(**{f"{name}lim": (high / 3, high * 3)})
             axes.set(**{f"{name}scale": "log"})
 
 
