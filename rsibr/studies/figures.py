@@ -234,7 +234,7 @@ def _with_bars(axes: Axes, x: Sequence[float], estimates: Sequence[Any], colour:
 
 
 def _logarithmic(axes: Axes, which: str = "xy") -> None:
-    """Make axes logarithmic; axes without positive data, as of a black scene, and of a single value get fixed limits."""
+    """Make axes logarithmic; axes without positive data, as of a black scene, or of one value get fixed limits."""
     for name, low, high in zip("xy", axes.dataLim.minpos, axes.dataLim.max, strict=True):
         if name in which:
             if not 0 < high < np.inf:
