@@ -31,10 +31,19 @@ class RsibrError(Exception):
         return _made, (type(self), self.what, self.where, self.fix)  # pickled, so that other processes can raise it
 
     def __str__(self) -> str:
-        """Return the message in one line: location, cause, remedy."""
-        place = f"{self.where}: " if self.where else ""
+        """Return the message in one line: location, cause, remedy; see `printable`."""
+        place = f"{printable(self.where)}: " if self.where else ""
         remedy = f". {self.fix[:1].upper()}{self.fix[1:]}" if self.fix else ""
-        return " ".join(f"{place}{self.what}{remedy}".split())
+        return place + printable(" ".join(f"{self.what}{remedy}".split()))
+
+
+def printable(text: object) -> str:
+    """One line of `text` that a terminal shows as it is: a newline and other unprintable characters are escaped.
+
+    File names may hold newlines and bytes that are no text, and the names in a stranger's bake may hold the control
+    sequences of a terminal.
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
 
 
 def _made(kind: type[RsibrError], what: str, where: str, fix: str) -> RsibrError:

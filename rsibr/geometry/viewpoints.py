@@ -20,6 +20,19 @@ VIEW_COUNTS = (12, 42, 162, 642, 2562, 10242)
 MAX_SUBDIVISION = 5
 """10 242 views; with more, the triangles' sides would approach the resolution of float32 weights."""
 
+_GOLDEN = (1 + 5**0.5) / 2
+_ICOSAHEDRON = (
+    *((-1, _GOLDEN, 0), (1, _GOLDEN, 0), (-1, -_GOLDEN, 0), (1, -_GOLDEN, 0)),
+    *((0, -1, _GOLDEN), (0, 1, _GOLDEN), (0, -1, -_GOLDEN), (0, 1, -_GOLDEN)),
+    *((_GOLDEN, 0, -1), (_GOLDEN, 0, 1), (-_GOLDEN, 0, -1), (-_GOLDEN, 0, 1)),
+)
+_FACES = (
+    *((0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2), (10, 7, 6)),
+    *((7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5), (2, 4, 11), (6, 2, 10)),
+    *((8, 6, 7), (9, 8, 1)),
+)
+"""Icosahedron in the order of trimesh, whose finer icospheres begin with these vertices."""
+
 _NESTED = 1e-12
 """Tolerance of a component within which two unit directions are equal."""
 
@@ -165,6 +178,8 @@ def icosphere(subdivision: int) -> Viewpoints:
     """
     if not 0 <= subdivision <= MAX_SUBDIVISION:
         raise InputError(f"{subdivision} is no subdivision", where="views.subdivision", fix="give 0 to 5")
+    if subdivision == 0:
+        return from_directions(_ICOSAHEDRON, _FACES)
     import trimesh  # noqa: PLC0415  # a third of a second that only this function needs
 
     mesh = trimesh.creation.icosphere(subdivisions=subdivision)

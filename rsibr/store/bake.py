@@ -10,11 +10,14 @@ from typing import Any
 from rsibr.errors import BakeError
 from rsibr.light.radiance import Light
 from rsibr.store.atomic import checksum, read_bytes, unreadable
+from rsibr.store.consistency import BAKE_ANEW, check_manifest
 from rsibr.store.described_maps import DescribedMaps
-from rsibr.store.directory import BAKE_AGAIN, altered, check_file
-from rsibr.store.light_file import LIGHT_NAME, decode_light
+from rsibr.store.directory import BAKE_AGAIN
+from rsibr.store.integrity import altered, check_file, check_map
+from rsibr.store.light_file import LIGHT_NAME, decode_light, images_of
 from rsibr.store.manifest import MANIFEST_NAME, read_manifest
 from rsibr.store.map_file import MapFile, decode_map
+from rsibr.store.map_header import MapHeader, check_header
 from rsibr.store.writer import BakeWriter
 
 __all__ = ["Bake", "BakeWriter", "open_bake"]
@@ -54,13 +57,15 @@ class Bake(DescribedMaps):
         IndexError
             If the index is out of range.
         BakeError
-            If the file was altered since the bake was opened.
+            If the file was altered since the bake was opened, or is not the map of this view.
         """
         if not 0 <= index < self.view_count:
             raise IndexError(f"view {index} of {self.view_count}")
         state = self.manifest.views[index]
         file = self.path / state.file
-        return decode_map(_content(file, state.sha256), where=str(file))
+        found = decode_map(_content(file, state.sha256), where=str(file))
+        check_header(MapHeader.of(found), self.manifest, index, where=str(file))
+        return found
 
     @cached_property
     def light(self) -> Light:
@@ -69,16 +74,25 @@ class Bake(DescribedMaps):
         Raises
         ------
         BakeError
-            If the bake is older than this file, or the file was altered since the bake was opened.
+            If the bake is older than this file, or the file was altered since the bake was opened, or its content is no
+            environment.
         """
         file = self.path / LIGHT_NAME
         if self.manifest.light is None:
             raise BakeError("is missing: the bake was made before lights were kept", where=str(file), fix=BAKE_AGAIN)
-        return decode_light(_content(file, self.manifest.light.sha256), where=str(file))
+        found = decode_light(_content(file, self.manifest.light.sha256), where=str(file))
+        if self.rendering == "rgb" and any(
+            image.min() < 0 for _, image in images_of(found)
+        ):  # spectra may leave Rec.709
+            raise BakeError("holds negative radiance", where=str(file), fix=BAKE_ANEW)
+        return found
 
 
 def open_bake(path: Path) -> Bake:
-    """Open a bake and check its schema, its manifest, and size and checksum of every file.
+    """Open a bake and check its schema, its manifest, size and checksum of every file, and the header of every map.
+
+    A bake may come from a stranger, whose checksums fit: whatever the manifest says twice must agree, and each map must
+    be the one that the manifest describes. See `rsibr.store.consistency` and `rsibr.store.map_header`.
 
     Parameters
     ----------
@@ -88,7 +102,8 @@ def open_bake(path: Path) -> Bake:
     Raises
     ------
     BakeError
-        If there is no bake, it is incomplete, or a file is missing, truncated or altered.
+        If there is no bake, it is incomplete, its manifest contradicts itself, or a file is missing, truncated,
+        altered, not a regular file inside the directory, or the map of another view.
     """
     path = Path(path)
     _check_kind(path)
@@ -97,10 +112,11 @@ def open_bake(path: Path) -> Bake:
         total = len(manifest.views)
         done = total - len(manifest.pending)
         raise BakeError(f"is not finished: it holds {done} of {total} views", where=str(path), fix=BAKE_AGAIN)
-    for state in manifest.views:
-        check_file(path / state.file, state)
+    check_manifest(manifest, path / MANIFEST_NAME)
+    for index in range(len(manifest.views)):
+        check_map(path, manifest, index)
     if manifest.light is not None:
-        check_file(path / LIGHT_NAME, manifest.light)
+        check_file(path, LIGHT_NAME, manifest.light)
     return Bake(path, manifest)
 
 
@@ -119,5 +135,8 @@ def _check_kind(path: Path) -> None:
             raise BakeError("is a file; a bake is a directory", where=str(path), fix=_NAME_A_BAKE)
         if not (path / MANIFEST_NAME).exists():
             raise BakeError("is a directory without a manifest, so no bake", where=str(path), fix=_NAME_A_BAKE)
+        if (path / MANIFEST_NAME).is_symlink():
+            what = "is a link; the files of a bake lie in its directory"
+            raise BakeError(what, where=str(path / MANIFEST_NAME), fix=_NAME_A_BAKE)
     except OSError as error:
         raise unreadable(path, error) from error

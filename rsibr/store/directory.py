@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
 from rsibr.errors import BakeError
-from rsibr.store.atomic import file_checksum, is_leftover, sync_folder, unreadable, unwritable
-from rsibr.store.manifest import MANIFEST_NAME, MAPS_NAME, LightRecord, ViewState
+from rsibr.regular_file import kind_of
+from rsibr.store.atomic import is_leftover, sync_folder, unwritable
+from rsibr.store.light_file import LIGHT_NAME
+from rsibr.store.manifest import MANIFEST_NAME, MAPS_NAME
 
 LOCK_NAME = ".lock"
+MAP_PATTERN = re.compile(r"view_\d{4,}\.exr")
 BAKE_AGAIN = "run the same `rsibr bake` command again to finish it"
 
 _ELSEWHERE = "choose another --out"
@@ -23,12 +28,14 @@ def claim_directory(path: Path) -> None:
     Raises
     ------
     BakeError
-        If `path` is a file, a directory with other content, or not writable.
+        If `path` is a file, a directory with other content, or not writable; or if what it holds of a bake are links,
+        through which a bake would write and delete elsewhere.
     """
     try:
         if path.exists() and not path.is_dir():
             raise BakeError("is a file; a bake is a directory", where=str(path), fix=_ELSEWHERE)
         make_folder(path)
+        _check_own(path)
         names = {entry.name for entry in entries(path) if not is_leftover(entry)}
         # A writer creates lock, folder of maps, manifest, in this order, and may have been killed in between
         begun = names <= {LOCK_NAME, MAPS_NAME} and not any(entries(path / MAPS_NAME))
@@ -59,6 +66,34 @@ def lock_directory(path: Path) -> FileLock:
     return lock
 
 
+def _check_own(path: Path) -> None:
+    """Raise a BakeError if a file that a writer replaces or deletes is a link or no file, or `maps/` is a link."""
+    _refuse_link(path / MAPS_NAME)
+    maps = [entry for entry in entries(path / MAPS_NAME) if MAP_PATTERN.fullmatch(entry.name)]
+    for place in (path / LOCK_NAME, path / MANIFEST_NAME, path / LIGHT_NAME, *maps):
+        kind = kind_of(place.lstat().st_mode) if os.path.lexists(place) else None
+        if kind is not None:
+            raise BakeError(f"is {kind}, not a file of the bake", where=str(place), fix=_ELSEWHERE)
+
+
+def make_own_folder(folder: Path) -> None:
+    """Create a folder inside an output, such as `maps/` or `pictures/`, in which files are replaced and deleted.
+
+    Raises
+    ------
+    MachineError, BakeError
+        If it cannot be created; or if it is a link, through which files would be deleted elsewhere.
+    """
+    _refuse_link(folder)
+    make_folder(folder)
+
+
+def _refuse_link(folder: Path) -> None:
+    if folder.is_symlink():
+        what = "is a link: files in the folder that it names would be replaced and deleted"
+        raise BakeError(what, where=str(folder), fix=f"put a folder in its place, or {_ELSEWHERE}")
+
+
 def make_folder(folder: Path) -> None:
     """Create `folder` and its parents if absent, and sync the new directory entry.
 
@@ -79,36 +114,3 @@ def entries(folder: Path) -> Iterator[Path]:
     """Entries of `folder`, sorted by name; none if it does not exist."""
     if folder.is_dir():
         yield from sorted(folder.iterdir())
-
-
-def check_file(file: Path, state: ViewState | LightRecord) -> None:
-    """Check that `file` exists with the size and checksum recorded in the manifest.
-
-    Raises
-    ------
-    BakeError
-        If it is missing, cannot be read, or is truncated or altered.
-    """
-    try:
-        size = file.stat().st_size
-    except FileNotFoundError as error:
-        raise BakeError("is missing", where=str(file), fix=BAKE_AGAIN) from error
-    except OSError as error:
-        raise unreadable(file, error) from error
-    if size != state.bytes or file_checksum(file) != state.sha256:
-        raise altered(file)
-
-
-def is_whole(file: Path, state: ViewState | LightRecord) -> bool:
-    """Whether `check_file` accepts `file`."""
-    try:
-        check_file(file, state)
-    except BakeError:
-        return False
-    return True
-
-
-def altered(file: Path) -> BakeError:
-    """Return the error for a `file` that is not as the bake wrote it."""
-    fix = "run the same `rsibr bake` command again to make it anew"
-    return BakeError("is truncated or altered: it is not the file that the bake wrote", where=str(file), fix=fix)

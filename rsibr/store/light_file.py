@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,9 @@ LIGHT_NAME = "light.exr"
 
 _PICTURE, _IMAGE, _LEVEL, _IRRADIANCE = "light", "image", "level.", "irradiance."
 _WIDTH_KEY, _WEIGHTS_KEY = "rsibr:width", "rsibr:weights"
+
+_LARGEST_SIDE = 2**15
+_FRAME_TOLERANCE = 1e-5  # the header is float32
 
 _Images = dict[str, tuple[NDArray[np.float32], dict[str, Any]]]
 """Part name → its image and its own attributes."""
@@ -66,12 +70,34 @@ def decode_light(data: bytes, where: str) -> Light:
         If the bytes are not such a file, or are truncated or altered.
     """
     try:
-        with contextlib.redirect_stdout(io.StringIO()), OpenEXR.File(io.BytesIO(data)) as file:
-            parts = {part.name() or _PICTURE: (_pixels(part), part.header) for part in file.parts}
-            light = _light_of(parts)  # closing the file empties the headers
-    except (KeyError, RuntimeError, ValueError, TypeError, OSError, AttributeError) as error:
+        with contextlib.redirect_stdout(io.StringIO()):
+            with OpenEXR.File(io.BytesIO(data), header_only=True) as file:
+                _check_sizes([part.header for part in file.parts])
+            with OpenEXR.File(io.BytesIO(data)) as file:
+                parts = {part.name() or _PICTURE: (_pixels(part), part.header) for part in file.parts}
+                light = _light_of(parts)  # closing the file empties the headers
+    except (LookupError, RuntimeError, ValueError, TypeError, OSError, AttributeError, MemoryError) as error:
         raise BakeError("is no light of rsibr, or is truncated or altered", where=where) from error
+    unsound = next((name for name, image in images_of(light) if not np.isfinite(image).all()), None)
+    if unsound is not None:
+        raise BakeError(f"is no light of rsibr: part {unsound} holds NaN or Inf", where=where)
     return light
+
+
+def images_of(light: Light) -> Iterator[tuple[str, NDArray[np.float32]]]:
+    """Name and pixels of each part of the file, in its order."""
+    for name, (image, _) in _images(light).items():
+        yield name, image
+
+
+def _check_sizes(headers: list[dict[str, Any]]) -> None:
+    """Refuse sizes that no light has, before any pixel is decoded; ValueError."""
+    for header in headers:
+        low, high = (np.array(corner, np.int64) for corner in header["dataWindow"])
+        plain = header["type"] == OpenEXR.scanlineimage and header["compression"] == OpenEXR.ZIP_COMPRESSION
+        subsampled = any((channel.xSampling, channel.ySampling) != (1, 1) for channel in header["channels"])
+        if not plain or subsampled or low.any() or not (high + 1 >= 1).all() or (high >= _LARGEST_SIDE).any():
+            raise ValueError(f"a part of {high + 1 - low} texels from {low}")
 
 
 def _images(light: Light) -> _Images:
@@ -93,13 +119,19 @@ def _light_of(parts: dict[str, tuple[NDArray[np.float32], dict[str, Any]]]) -> L
     picture = parts.pop(_PICTURE)[0]
     image, header = parts.pop(_IMAGE, (None, {}))
     levels = [pixels for name, (pixels, _) in parts.items() if name.startswith(_LEVEL)]
+    width_of = {name: own[_WIDTH_KEY] for name, (_, own) in parts.items() if name.startswith(_LEVEL)}
     maps = [
         Irradiance(np.array(own[_WEIGHTS_KEY], np.float64)[:2], pixels)
         for name, (pixels, own) in parts.items()
         if name.startswith(_IRRADIANCE)
     ]
     _check(picture, levels, len(parts) - len(levels) - len(maps))
+    _check_names(picture, width_of, parts)
     frame = np.array(header[FRAME_KEY], np.float64) if image is not None else np.eye(3)
+    if not np.allclose(frame.T @ frame, np.eye(3), rtol=0.0, atol=_FRAME_TOLERANCE) or np.linalg.det(frame) < 0.0:
+        raise ValueError("the frame of the image is no rotation")
+    if any(map_.image.shape[0] != map_.image.shape[1] or not np.isfinite(map_.weights).all() for map_ in maps):
+        raise ValueError("an irradiance map is not square, or without weights")
     return Light(picture, image, frame, tuple(levels), tuple(maps))
 
 
@@ -108,6 +140,15 @@ def _check(picture: NDArray[np.float32], levels: list[NDArray[np.float32]], unkn
     square = picture.shape[0] == picture.shape[1]
     if not square or unknown or [level.shape[:2] for level in levels] not in ([], [(size, size) for size in sizes]):
         raise ValueError(f"{picture.shape}, {[level.shape for level in levels]}, {unknown} unknown parts")
+
+
+def _check_names(picture: NDArray[np.float32], width_of: dict[str, float], parts: Iterable[str]) -> None:
+    """Levels and irradiance maps are numbered in order, and each level has the width of its place."""
+    widths = {f"{_LEVEL}{k:02d}": width for k, width in enumerate(level_widths(len(picture))) if k}
+    maps = [name for name in parts if name.startswith(_IRRADIANCE)]
+    named = not width_of or (list(width_of) == list(widths) and np.allclose([*width_of.values()], [*widths.values()]))
+    if not named or maps != [f"{_IRRADIANCE}{number}" for number in range(len(maps))]:
+        raise ValueError(f"levels {width_of}, maps {maps}")
 
 
 def _window(height: int, width: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

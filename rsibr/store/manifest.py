@@ -8,13 +8,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from rsibr.errors import BakeError
+from rsibr.errors import BakeError, printable
 from rsibr.geometry.viewpoints import VIEW_COUNTS
 from rsibr.planning.plan import Plan
 from rsibr.store.atomic import checksum, read_bytes, write_atomic
@@ -23,10 +23,27 @@ MANIFEST_NAME = "manifest.json"
 MAPS_NAME = "maps"
 SCHEMA_VERSION: Literal[1] = 1
 
+MAX_RESOLUTION = 4096
+"""Largest number of texels along a side of a map."""
+
+LARGEST_MANIFEST = 2**28
+"""Largest size of a manifest that is read [bytes]; one of 10 242 views has 8 MB."""
+
 _SHA256 = r"^[0-9a-f]{64}$"
+_VARIANT = r"^(scalar|llvm_ad|cuda_ad)_(rgb|spectral|spectral_polarized)$"
+_LAYER = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$"
+_LONGEST_PLACE = 100
 
 Vector = tuple[float, float, float]
 Triangle = tuple[int, int, int]
+Seconds = Annotated[float, Field(ge=0.0, le=1e10)]
+"""Time [s]. Its bound keeps sums over all views finite."""
+
+Size = Annotated[int, Field(ge=0, le=2**53)]
+"""Size [bytes], or another count; its bound keeps it exact in any reader of JSON."""
+
+LayerName = Annotated[str, Field(pattern=_LAYER)]
+"""Name of a layer; it becomes a part of file names, so that it must not hold a path."""
 
 
 class _Record(BaseModel):
@@ -37,7 +54,7 @@ class EnvironmentRecord(_Record):
     """Environment: its name, the number of negative values clipped, and the lowest of them."""
 
     name: str
-    clipped: int = Field(0, ge=0)
+    clipped: Size = 0
     lowest: float = 0.0
 
 
@@ -82,7 +99,7 @@ class LobeRecord(_Record):
         None if all views do, and in bakes older than this field. See `rsibr.store.layers`.
     """
 
-    name: str
+    name: LayerName
     alpha: float
     albedo: tuple[Vector, ...]
     proxies: tuple[ProxyRecord, ...] = ()
@@ -93,7 +110,7 @@ class LightRecord(_Record):
     """File of the environment: checksum and size [bytes]."""
 
     sha256: str = Field(pattern=_SHA256)
-    bytes: int = Field(ge=0)
+    bytes: Size
 
 
 class HealthRecord(_Record):
@@ -107,11 +124,11 @@ class HealthRecord(_Record):
         Largest finite radiance [W sr⁻¹ m⁻²].
     """
 
-    non_finite: int = Field(ge=0)
-    holes: int = Field(ge=0)
-    fireflies: int = Field(ge=0)
-    half_overflow: int = Field(ge=0)
-    largest: float
+    non_finite: Size
+    holes: Size
+    fireflies: Size
+    half_overflow: Size
+    largest: float = Field(ge=0.0)
 
 
 class SamplingRecord(_Record):
@@ -136,14 +153,14 @@ class SamplingRecord(_Record):
         Time from the beginning of the bake to this decision: probes, pilots, compilation of kernels [s].
     """
 
-    block: int = Field(ge=1)
-    even: int = Field(ge=2)
+    block: int = Field(ge=1, le=2**25)
+    even: int = Field(ge=2, le=2**40)
     scale: float | None = Field(None, gt=0.0)
     gain: float | None = None
     promised_rel_mse: float | None = None
     promised_seconds: float | None = None
     forecast_rel_mse: float | None = None
-    seconds: float = Field(0.0, ge=0.0)
+    seconds: Seconds = 0.0
 
     @property
     def samples(self) -> int:
@@ -209,10 +226,10 @@ class BudgetRecord(_Record):
     chosen: ProbeRecord
     probes: tuple[ProbeRecord, ...]
     forecast_error: float
-    choice_seconds: float = Field(ge=0.0)
+    choice_seconds: Seconds
     reached_error: float | None = None
     reached_ci95: tuple[float, float] | None = None
-    reached_seconds: float | None = Field(None, ge=0.0)
+    reached_seconds: Seconds | None = None
 
 
 class ViewState(_Record):
@@ -241,8 +258,8 @@ class ViewState(_Record):
     view: Vector
     file: str
     sha256: str | None = Field(None, pattern=_SHA256)
-    seconds: float | None = Field(None, ge=0.0)
-    bytes: int | None = Field(None, ge=0)
+    seconds: Seconds | None = None
+    bytes: Size | None = None
     done: bool = False
     health: HealthRecord | None = None
     noise: float | None = Field(None, ge=0.0)
@@ -326,19 +343,19 @@ class Manifest(_Record):
     config_hash: str = Field(pattern=_SHA256)
     identity: dict[str, Any]
     packages: dict[str, str]
-    variant: str
+    variant: str = Field(pattern=_VARIANT)
     environment: EnvironmentRecord
     material: MaterialRecord
     lobes: tuple[LobeRecord, ...] = ()
     light: LightRecord | None = None
-    resolution: int = Field(ge=1)
+    resolution: int = Field(ge=1, le=MAX_RESOLUTION)
     directions: tuple[Vector, ...] = Field(min_length=1)
     triangles: tuple[Triangle, ...]
     views: tuple[ViewState, ...]
     plan: Plan | None = None
     sampling: SamplingRecord | None = None
     budget: BudgetRecord | None = None
-    wall_seconds: float = Field(0.0, ge=0.0)
+    wall_seconds: Seconds = 0.0
 
     @classmethod
     def planned(
@@ -405,6 +422,8 @@ class Manifest(_Record):
             raise ValueError("the views are not the directions, in their order")
         if any(not 0 <= corner < len(self.directions) for triangle in self.triangles for corner in triangle):
             raise ValueError("a triangle names a view that does not exist")
+        if len({lobe.name for lobe in self.lobes}) < len(self.lobes):
+            raise ValueError("two lobes share a name")
         for lobe in self.lobes:
             if lobe.views is not None and not (lobe.views in VIEW_COUNTS and lobe.views < len(self.directions)):
                 raise ValueError(f"{lobe.name} cannot be kept apart in {lobe.views} of {len(self.directions)} views")
@@ -481,7 +500,7 @@ def read_manifest(path: Path) -> Manifest:
         If it cannot be read, is truncated or altered, or is of an unknown schema.
     """
     remedy = "bake anew with --fresh"
-    data = read_bytes(path)
+    data = read_bytes(path, most=LARGEST_MANIFEST)
     try:
         body = json.loads(data)
         del body["checksum"]
@@ -490,17 +509,23 @@ def read_manifest(path: Path) -> Manifest:
         whole = data == _file_content(body)
     except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise BakeError("is no manifest of a bake, or is truncated", where=str(path), fix=remedy) from error
-    if version != SCHEMA_VERSION:
-        what = f"has schema version {version!r}; this rsibr reads version {SCHEMA_VERSION}"
+    if type(version) is not int or version != SCHEMA_VERSION:
+        what = f"has schema version {_cut(repr(version))}; this rsibr reads version {SCHEMA_VERSION}"
         raise BakeError(what, where=str(path), fix=f"{remedy}, or use the rsibr that wrote it")
     if not whole:
         raise BakeError("was altered: its checksum does not match", where=str(path), fix=remedy)
     try:
-        return Manifest.model_validate_json(json.dumps(body))
+        return Manifest.model_validate_json(json.dumps(body), strict=True)
     except ValidationError as error:
-        first = error.errors()[0]
+        first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(map(str, first["loc"]))
-        raise BakeError(f"is no valid manifest: {place}: {first['msg']}", where=str(path), fix=remedy) from error
+        what = f"is no valid manifest: {_cut(place)}: {_cut(first['msg'])}"
+        raise BakeError(what, where=str(path), fix=remedy) from error
+
+
+def _cut(text: str) -> str:
+    """Begin of a text of a stranger."""
+    return printable(text if len(text) <= _LONGEST_PLACE else f"{text[:_LONGEST_PLACE]}…")
 
 
 def canonical(value: Any) -> bytes:

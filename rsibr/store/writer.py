@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
@@ -17,8 +16,9 @@ from rsibr.light.radiance import Light
 from rsibr.planning.plan import Plan
 from rsibr.store.atomic import checksum, is_leftover, unwritable, write_atomic
 from rsibr.store.difference import differences
-from rsibr.store.directory import claim_directory, entries, is_whole, lock_directory, make_folder
+from rsibr.store.directory import MAP_PATTERN, claim_directory, entries, lock_directory, make_own_folder
 from rsibr.store.health import map_health
+from rsibr.store.integrity import is_sound_light, is_sound_map
 from rsibr.store.light_file import LIGHT_NAME, encode_light
 from rsibr.store.manifest import (
     MANIFEST_NAME,
@@ -32,7 +32,6 @@ from rsibr.store.manifest import (
 from rsibr.store.map_file import MapFile, write_map
 from rsibr.store.noise import map_noise
 
-_MAP_PATTERN = re.compile(r"view_\d{4,}\.exr")
 _VIEW_TOLERANCE = 1e-6  # the header of a map stores its view in float32
 
 
@@ -87,7 +86,7 @@ class BakeWriter:
         claim_directory(path)
         lock = lock_directory(path)
         try:
-            make_folder(path / MAPS_NAME)
+            make_own_folder(path / MAPS_NAME)
             writer = cls(path, _continued(path, manifest, fresh), lock)
             writer._record(writer.manifest)
             writer._sweep()
@@ -178,7 +177,7 @@ class BakeWriter:
         done = {self.path / state.file for state in self.manifest.views if state.done}
         stale = [entry for entry in entries(self.path) if is_leftover(entry)]
         for entry in entries(self.path / MAPS_NAME):
-            if is_leftover(entry) or (_MAP_PATTERN.fullmatch(entry.name) and entry not in done):
+            if is_leftover(entry) or (MAP_PATTERN.fullmatch(entry.name) and entry not in done):
                 stale.append(entry)
         for entry in stale:
             try:
@@ -197,9 +196,11 @@ def _continued(path: Path, manifest: Manifest | Callable[[Manifest | None], Mani
     if differing:
         what = f"holds a bake of another config ({'; '.join(differing)})"
         raise BakeError(what, where=str(path), fix="use --fresh to bake anew, or another --out")
-    light = found.light if found.light and is_whole(path / LIGHT_NAME, found.light) else None
+    light = found.light if found.light and is_sound_light(path, found.light) else None
     kept = wanted.model_copy(update={"light": light})
-    return kept.with_views(*(state for state in found.views if state.done and is_whole(path / state.file, state)))
+    done = [state for state in found.views if state.done]
+    known = kept.with_views(*done)  # as planned now, with the checksums that were found
+    return kept.with_views(*(state for state in done if is_sound_map(path, known, state.index)))
 
 
 def _check_map(map_file: MapFile, state: ViewState, resolution: int) -> None:

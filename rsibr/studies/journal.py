@@ -11,7 +11,7 @@ from filelock import FileLock, Timeout
 
 from rsibr.errors import BakeError
 from rsibr.store.atomic import checksum, is_leftover, unreadable, unwritable, write_atomic
-from rsibr.store.directory import entries, make_folder
+from rsibr.store.directory import entries, make_folder, make_own_folder
 from rsibr.store.manifest import canonical
 
 LOCK_NAME = ".lock"
@@ -28,7 +28,7 @@ class Journal:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        make_folder(folder)
+        make_own_folder(folder)
         for leftover in filter(is_leftover, list(entries(folder))):  # of a process that was killed
             leftover.unlink(missing_ok=True)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.store.atomic import checksum, file_checksum, read_bytes, write_atomic
-from rsibr.store.directory import make_folder
+from rsibr.store.directory import make_own_folder
 from rsibr.studies.journal import Journal, name_of
 from rsibr.studies.scene import StudyScene
 from rsibr.validation.reference import MINIMUM_BUFFERS, Reference
@@ -33,7 +33,7 @@ class TruthStore:
 
     def __init__(self, folder: Path, journal: Journal) -> None:
         self._folder, self._journal = folder, journal
-        make_folder(folder)
+        make_own_folder(folder)
 
     def has(self, key: Mapping[str, Any]) -> bool:
         """Whether the arrays of `key` are on disk and undamaged."""

@@ -14,7 +14,7 @@ import pytest
 from rsibr.errors import BakeError, RsibrError
 from rsibr.store.bake import BakeWriter, open_bake
 from tests.store import synthetic
-from tests.store.synthetic import MANY, baked, content, manifest, write
+from tests.store.synthetic import COUNT, MANY, baked, content, manifest, write
 
 
 @pytest.fixture(autouse=True)
@@ -44,7 +44,7 @@ def test_killed_before_any_change_to_the_disk_it_ends_as_if_never_killed(tmp_pat
     for step in range(1, steps):
         path = tmp_path / str(step)
         check_what_can_be_opened(path)
-        halfway += 0 < len(write(path)) < 3
+        halfway += 0 < len(write(path)) < COUNT
         assert content(path) == whole, f"killed before change {step}"
     assert halfway > 8  # the views that were done stayed done
 
@@ -75,8 +75,8 @@ def check_what_can_be_opened(path: Path) -> None:
         bake = open_bake(path)
     except RsibrError:
         return
-    for index in range(3):
-        np.testing.assert_array_equal(bake.map(index).layers["radiance"], baked(3, index).layers["radiance"])
+    for index in range(COUNT):
+        np.testing.assert_array_equal(bake.map(index).layers["radiance"], baked(COUNT, index).layers["radiance"])
 
 
 def test_killed_at_random_moments_it_ends_as_if_never_killed(tmp_path):
@@ -101,7 +101,7 @@ def test_a_second_writer_is_refused_until_the_first_is_killed(tmp_path):
             assert content(tmp_path) == before
         finally:
             holder.kill()
-    assert write(tmp_path) == [0, 1, 2]
+    assert write(tmp_path) == [0, 1, 2, 3]
 
 
 def test_a_second_writer_in_the_same_process_is_refused(tmp_path):
@@ -109,7 +109,7 @@ def test_a_second_writer_in_the_same_process_is_refused(tmp_path):
         for _ in range(2):
             with pytest.raises(BakeError, match="another bake is writing"):
                 BakeWriter.open(tmp_path, manifest())
-    assert write(tmp_path) == [0, 1, 2]
+    assert write(tmp_path) == [0, 1, 2, 3]
 
 
 def test_a_refused_writer_gives_the_lock_free(tmp_path):

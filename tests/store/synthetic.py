@@ -21,7 +21,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from rsibr.geometry.frame import view_frame
+from rsibr.geometry.viewpoints import Viewpoints, from_directions
 from rsibr.store.bake import BakeWriter
 from rsibr.store.manifest import EnvironmentRecord, Manifest, MaterialRecord
 from rsibr.store.map_file import MapFile
@@ -37,38 +40,56 @@ CHANGES = ("mkdir", "fsync", "replace", "unlink")
 """Calls by which a writer changes the disk for good; between two of them the directory does not change its state."""
 
 
+COUNT = 4
+"""Views of other bakes: the fewest that cover the sphere."""
+
+TETRAHEDRON = [[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]
+
+
+@functools.cache
+def viewpoints(count: int) -> Viewpoints:
+    """A tetrahedron, turned by chance, and further random views."""
+    random = np.random.default_rng(count)
+    points = np.concatenate([TETRAHEDRON @ Rotation.random(rng=random).as_matrix(), random.normal(size=(count - 4, 3))])
+    return from_directions(points)
+
+
 def directions(count: int) -> np.ndarray:
-    points = np.random.default_rng(count).normal(size=(count, 3))
-    return points / np.linalg.norm(points, axis=1, keepdims=True)
+    return viewpoints(count).directions
 
 
-def manifest(count: int = 3, samples: int = 64) -> Manifest:
-    config = {"map": {"resolution": RESOLUTION}, "sampling": {"samples": samples, "seed": 0}}
+def manifest(count: int = COUNT, samples: int = 64) -> Manifest:
+    config = {
+        "environment": {"file": "/city.exr"},
+        "material": {"preset": "matte-lambert"},
+        "views": {"file": "/views.json"},
+        "map": {"resolution": RESOLUTION},
+        "sampling": {"samples": samples, "seed": 0},
+    }
+    contents = {"environment": {"content": "ab" * 32}, "material": {"content": "cd" * 32}}
     return Manifest.planned(
         config=config,
-        identity={"config": config, "variant": "llvm_ad_rgb"},
+        identity={"config": config, "variant": "llvm_ad_rgb", **contents},
         packages={"mitsuba": "3.9.1"},
         variant="llvm_ad_rgb",
         environment=EnvironmentRecord(name="city"),
         material=MaterialRecord(name="paint", warp="mirror"),
         resolution=RESOLUTION,
         directions=directions(count),
-        triangles=[[0, 1, 2]],
+        triangles=viewpoints(count).triangles,
     )
 
 
 def baked(count: int, index: int, resolution: int = RESOLUTION, samples: int = 64) -> MapFile:
     """Make the map of a view: a pure function of the bake and the view, as a real one is."""
     random = np.random.default_rng([samples, index])
-    view = directions(count)[index]
-    x = np.cross([0.3, 0.5, 0.8], view)
-    x /= np.linalg.norm(x)
+    frame = view_frame(directions(count)[index])
     image, variance = random.gamma(0.3, 2.0, (2, resolution, resolution, 3)).astype(np.float32)
     coverage = np.ones((resolution, resolution), np.float32)
-    return MapFile(view, np.stack([x, np.cross(view, x), view], axis=1), {"radiance": image}, variance, coverage)
+    return MapFile(frame[:, 2], frame, {"radiance": image}, variance, coverage)
 
 
-def write(path: Path, count: int = 3, samples: int = 64, fresh: bool = False, views: int | None = None) -> list[int]:
+def write(path: Path, count: int = COUNT, samples: int = 64, fresh: bool = False, views: int | None = None) -> list[int]:
     """Bake what is pending, or the first `views` of it; return what was pending."""
     with BakeWriter.open(path, manifest(count, samples), fresh=fresh) as writer:
         pending = writer.pending

@@ -147,19 +147,19 @@ def test_the_relative_error_is_that_of_the_noise(rng):
 
 
 def test_the_manifest_keeps_the_counts_of_each_view(tmp_path):
-    count = 3
+    count = synthetic.COUNT
     sick = synthetic.baked(count, 1)
     sick.layers["radiance"][3, 4] = np.nan
     with BakeWriter.open(tmp_path, synthetic.manifest(count)) as writer:
-        for index, map_file in ((1, sick), (0, synthetic.baked(count, 0)), (2, synthetic.baked(count, 2))):
+        for index, map_file in ((1, sick), *((i, synthetic.baked(count, i)) for i in (0, 2, 3))):
             writer.commit(index, map_file, 0.25)
     views = read_manifest(tmp_path / "manifest.json").views
-    assert [view.health.non_finite for view in views] == [0, 1, 0]
+    assert [view.health.non_finite for view in views] == [0, 1, 0, 0]
     assert np.isnan(open_bake(tmp_path).map(1).layers["radiance"][3, 4]).all()  # stored as it was
 
 
 def test_a_bake_from_before_this_record_is_read(tmp_path):
-    manifest = synthetic.manifest(3)
+    manifest = synthetic.manifest()
     old = manifest.views[0].finished("ab" * 32, 0.5, 100)
     assert old.health is None
     assert old.model_validate_json(old.model_dump_json(exclude={"health"})) == old

@@ -16,7 +16,7 @@ from rsibr.light.radiance import Light
 from rsibr.scene.orientation import rotation_about_y
 from rsibr.store.bake import BakeWriter, open_bake
 from rsibr.store.light_file import LIGHT_NAME, decode_light, encode_light
-from tests.store.synthetic import SECONDS, baked, content, manifest
+from tests.store.synthetic import COUNT, SECONDS, baked, content, manifest
 from tests.store.test_store import damages
 
 CONFIG = """
@@ -72,13 +72,13 @@ def same(one, other):
     )
 
 
-def write(path, views=3, **options):
+def write(path, views=COUNT, **options):
     """A synthetic bake with its light, or the first views of it."""
     with BakeWriter.open(path, manifest(), **options) as writer:
         if not writer.has_light:
             writer.commit_light(light())
         for index in writer.pending[:views]:
-            writer.commit(index, baked(3, index), SECONDS)
+            writer.commit(index, baked(COUNT, index), SECONDS)
 
 
 # --- The file ---------------------------------------------------------------------------------------------------------
@@ -164,11 +164,11 @@ def test_a_missing_light_is_found_on_opening_and_made_again(tmp_path):
 def test_a_bake_older_than_lights_opens_and_says_so_when_asked_for_one(tmp_path):
     with BakeWriter.open(tmp_path, manifest()) as writer:
         for index in writer.pending:
-            writer.commit(index, baked(3, index), SECONDS)
+            writer.commit(index, baked(COUNT, index), SECONDS)
     text = json.loads((tmp_path / "manifest.json").read_text())
     assert text["light"] is None
     opened = open_bake(tmp_path)
-    assert opened.view_count == 3
+    assert opened.view_count == COUNT
     with pytest.raises(BakeError, match=r"light\.exr: is missing: the bake was made before lights were kept"):
         _ = opened.light
 

@@ -13,24 +13,24 @@ import pytest
 from rsibr.errors import BakeError, MachineError
 from rsibr.store.bake import BakeWriter, open_bake
 from rsibr.store.map_file import MapFile
-from tests.store.synthetic import RESOLUTION, SECONDS, baked, content, directions, manifest, write
+from tests.store.synthetic import COUNT, RESOLUTION, SECONDS, baked, content, directions, manifest, viewpoints, write
 
 # --- Whole bakes ------------------------------------------------------------------------------------------------------
 
 
 def test_a_bake_holds_what_was_committed(tmp_path):
     path = tmp_path / "deep" / "paint.rsibr"
-    assert write(path) == [0, 1, 2]
+    assert write(path) == [0, 1, 2, 3]
     bake = open_bake(path)
     assert bake.complete
-    assert (bake.view_count, bake.resolution, bake.seconds) == (3, RESOLUTION, 3 * SECONDS)
+    assert (bake.view_count, bake.resolution, bake.seconds) == (COUNT, RESOLUTION, COUNT * SECONDS)
     assert bake.bytes == sum(file.stat().st_size for file in (path / "maps").iterdir())
     assert bake.config["sampling"]["samples"] == 64
-    np.testing.assert_array_equal(bake.directions, directions(3))
-    np.testing.assert_array_equal(bake.triangles, [[0, 1, 2]])
-    for index in range(3):
-        np.testing.assert_array_equal(bake.map(index).layers["radiance"], baked(3, index).layers["radiance"])
-    assert set(content(path)) == {"manifest.json", *(f"maps/view_000{i}.exr" for i in range(3))}
+    np.testing.assert_array_equal(bake.directions, directions(COUNT))
+    np.testing.assert_array_equal(bake.triangles, viewpoints(COUNT).triangles)
+    for index in range(COUNT):
+        np.testing.assert_array_equal(bake.map(index).layers["radiance"], baked(COUNT, index).layers["radiance"])
+    assert set(content(path)) == {"manifest.json", *(f"maps/view_000{i}.exr" for i in range(COUNT))}
 
 
 def test_arrays_of_an_open_bake_cannot_be_written(tmp_path):
@@ -40,10 +40,10 @@ def test_arrays_of_an_open_bake_cannot_be_written(tmp_path):
             array[0] = 0
 
 
-@pytest.mark.parametrize("index", [-1, 3])
+@pytest.mark.parametrize("index", [-1, COUNT])
 def test_a_view_that_does_not_exist(tmp_path, index):
     write(tmp_path)
-    with pytest.raises(IndexError, match="of 3"):
+    with pytest.raises(IndexError, match="of 4"):
         open_bake(tmp_path).map(index)
 
 
@@ -121,7 +121,7 @@ def test_a_broken_manifest_is_refused_unless_fresh(tmp_path):
         open_bake(tmp_path)
     with pytest.raises(BakeError, match=r"manifest\.json.*--fresh"):
         write(tmp_path)
-    assert write(tmp_path, fresh=True) == [0, 1, 2]
+    assert write(tmp_path, fresh=True) == [0, 1, 2, 3]
     assert content(tmp_path) == whole
 
 
@@ -141,8 +141,8 @@ def test_fresh_leaves_nothing_of_the_old_bake(tmp_path):
     write(tmp_path / "a", count=5)
     (tmp_path / "a" / "notes.txt").write_text("mine")
     (tmp_path / "a" / "maps" / "mine.exr").write_text("mine")
-    assert write(tmp_path / "a", count=3, samples=128, fresh=True) == [0, 1, 2]
-    write(tmp_path / "b", count=3, samples=128)
+    assert write(tmp_path / "a", count=COUNT, samples=128, fresh=True) == [0, 1, 2, 3]
+    write(tmp_path / "b", count=COUNT, samples=128)
     mine = {"notes.txt": b"mine", "maps/mine.exr": b"mine"}
     assert content(tmp_path / "a") == content(tmp_path / "b") | mine
 
@@ -150,7 +150,7 @@ def test_fresh_leaves_nothing_of_the_old_bake(tmp_path):
 def test_fresh_bakes_an_equal_bake_anew(tmp_path):
     write(tmp_path)
     whole = content(tmp_path)
-    assert write(tmp_path, fresh=True) == [0, 1, 2]
+    assert write(tmp_path, fresh=True) == [0, 1, 2, 3]
     assert content(tmp_path) == whole
 
 
@@ -168,7 +168,7 @@ def test_a_foreign_directory_is_never_touched(tmp_path, foreign, fresh):
 def test_an_empty_directory_is_taken_and_a_file_is_not(tmp_path):
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("mine")
-    assert write(tmp_path / "empty") == [0, 1, 2]
+    assert write(tmp_path / "empty") == [0, 1, 2, 3]
     for place in ("file", "file/inside"):
         with pytest.raises(BakeError, match="file"):
             write(tmp_path / place, fresh=True)
@@ -179,20 +179,20 @@ def test_an_empty_directory_is_taken_and_a_file_is_not(tmp_path):
 
 
 def test_commit_refuses_what_is_not_the_view(tmp_path):
-    without_variance = MapFile(**{**vars(baked(3, 1)), "variance": None})
+    without_variance = MapFile(**{**vars(baked(COUNT, 1)), "variance": None})
     with BakeWriter.open(tmp_path, manifest()) as writer:
-        writer.commit(0, baked(3, 0), SECONDS)
+        writer.commit(0, baked(COUNT, 0), SECONDS)
         for index, map_file, seconds, message in [
-            (0, baked(3, 0), SECONDS, "not pending"),
-            (3, baked(3, 2), SECONDS, "not pending"),
-            (1, baked(3, 2), SECONDS, "seen from"),
-            (1, baked(3, 1, resolution=4), SECONDS, "texels"),
+            (0, baked(COUNT, 0), SECONDS, "not pending"),
+            (COUNT, baked(COUNT, 2), SECONDS, "not pending"),
+            (1, baked(COUNT, 2), SECONDS, "seen from"),
+            (1, baked(COUNT, 1, resolution=4), SECONDS, "texels"),
             (1, without_variance, SECONDS, "variance"),
-            (1, baked(3, 1), float("nan"), "nan s"),
+            (1, baked(COUNT, 1), float("nan"), "nan s"),
         ]:
             with pytest.raises(ValueError, match=message):
                 writer.commit(index, map_file, seconds)
-        assert writer.pending == [1, 2]
+        assert writer.pending == [1, 2, 3]
     assert set(content(tmp_path)) == {"manifest.json", "maps/view_0000.exr"}
 
 
@@ -212,14 +212,14 @@ def test_a_full_disk_costs_one_view_at_most(tmp_path, monkeypatch, call, at):
         return real(*arguments)
 
     with BakeWriter.open(tmp_path / "a", manifest()) as writer:
-        writer.commit(0, baked(3, 0), SECONDS)
+        writer.commit(0, baked(COUNT, 0), SECONDS)
         with monkeypatch.context() as patch:
             patch.setattr(os, call, full)
             with pytest.raises(MachineError, match=r"No space left.*[Ff]ree some space"):
-                writer.commit(1, baked(3, 1), SECONDS)
-        assert writer.pending == [1, 2]
+                writer.commit(1, baked(COUNT, 1), SECONDS)
+        assert writer.pending == [1, 2, 3]
     assert not [name for name in content(tmp_path / "a") if name.endswith("tmp")]
-    assert write(tmp_path / "a") == [1, 2]
+    assert write(tmp_path / "a") == [1, 2, 3]
     assert content(tmp_path / "a") == content(tmp_path / "whole")
 
 
@@ -241,4 +241,4 @@ def test_a_read_only_file_system_is_said(tmp_path, monkeypatch, call):
         patch.setattr(os, call, refuse)
         with pytest.raises(BakeError, match=r"cannot be written \(Read-only file system\)"):
             write(tmp_path / "a")
-    assert write(tmp_path / "a") == [0, 1, 2]
+    assert write(tmp_path / "a") == [0, 1, 2, 3]

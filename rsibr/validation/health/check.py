@@ -41,6 +41,8 @@ def check(bake: Bake | Path | str, *, out: Path | str | None = None) -> Health:
     (True, 0)
     """
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
+    if opened.manifest.light is not None:
+        _ = opened.light  # a light that cannot be decoded is an error, as a map is
     health = assess(opened, [view for _, view in novel_views(opened, DEFAULT_VIEWS)])
     if out is not None:
         write_health(health, Path(out))

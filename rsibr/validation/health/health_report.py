@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rsibr.store.atomic import unwritable, write_atomic
+from rsibr.store.directory import make_own_folder
 from rsibr.validation.health.health import Health
 from rsibr.validation.health.health_document import HealthModel
 from rsibr.validation.report import pictures
@@ -46,7 +47,7 @@ def write_health_pictures(health: Health, directory: Path) -> None:
     folder = directory / PICTURES_NAME
     files = {f"health_view_{view:04d}.png": picture for view, picture in health.pictures.items()}
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_own_folder(folder)
         for stale in folder.glob("health_view_[0-9]*.png"):
             if stale.name not in files:
                 stale.unlink()

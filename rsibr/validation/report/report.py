@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.store.atomic import unwritable, write_atomic
+from rsibr.store.directory import make_own_folder
 from rsibr.validation.health.health_report import write_health_pictures
 from rsibr.validation.lobes import ViewLobes
 from rsibr.validation.metrics import relative_noise_map
@@ -80,7 +81,7 @@ def write_report(validation: Validation, directory: Path) -> Path:
     files = {name: picture for number, view in enumerate(drawn, 1) for name, picture in view.named(number)}
     folder = directory / PICTURES_NAME
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_own_folder(folder)
         for stale in folder.glob("view_[0-9][0-9]*_*.png"):
             if stale.name not in files:
                 stale.unlink()

@@ -1,0 +1,78 @@
+"""Integrity of the files of a bake: each is the regular file inside it that the manifest describes."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from rsibr.errors import BakeError, RsibrError
+from rsibr.regular_file import open_regular
+from rsibr.store.atomic import file_checksum, read_bytes, unreadable
+from rsibr.store.directory import BAKE_AGAIN
+from rsibr.store.light_file import LIGHT_NAME, decode_light
+from rsibr.store.manifest import LightRecord, Manifest, ViewState
+from rsibr.store.map_header import check_header, read_header
+
+
+def check_file(bake: Path, name: str, state: ViewState | LightRecord) -> None:
+    """Check that the file `name` of a bake exists with the size and checksum recorded in the manifest.
+
+    Raises
+    ------
+    BakeError
+        If it is missing, is no regular file inside the bake, cannot be read, or is truncated or altered.
+    """
+    file = bake / name
+    try:
+        if Path(os.path.realpath(file)) != Path(os.path.realpath(bake), name):
+            raise BakeError("is a link; the files of a bake lie in its directory", where=str(file))
+        with open_regular(file) as opened:
+            size = os.fstat(opened.fileno()).st_size
+    except FileNotFoundError as error:
+        raise BakeError("is missing", where=str(file), fix=BAKE_AGAIN) from error
+    except OSError as error:
+        raise unreadable(file, error) from error
+    if size != state.bytes or file_checksum(file) != state.sha256:
+        raise altered(file)
+
+
+def check_map(bake: Path, manifest: Manifest, index: int) -> None:
+    """Check the file of the view `index`, and hold its header against the manifest.
+
+    Raises
+    ------
+    BakeError
+        As `check_file`, or if it is the map of another view.
+    """
+    state = manifest.views[index]
+    check_file(bake, state.file, state)
+    file = bake / state.file
+    with open_regular(file) as opened:
+        header = read_header(opened, where=str(file))
+    check_header(header, manifest, index, where=str(file))
+
+
+def is_sound_map(bake: Path, manifest: Manifest, index: int) -> bool:
+    """Whether `check_map` accepts the file of a view."""
+    try:
+        check_map(bake, manifest, index)
+    except RsibrError:
+        return False
+    return True
+
+
+def is_sound_light(bake: Path, light: LightRecord) -> bool:
+    """Whether the environment of a bake is as recorded, and can be decoded."""
+    file = bake / LIGHT_NAME
+    try:
+        check_file(bake, LIGHT_NAME, light)
+        decode_light(read_bytes(file), where=str(file))
+    except RsibrError:
+        return False
+    return True
+
+
+def altered(file: Path) -> BakeError:
+    """Return the error for a `file` that is not as the bake wrote it."""
+    fix = "run the same `rsibr bake` command again to make it anew"
+    return BakeError("is truncated or altered: it is not the file that the bake wrote", where=str(file), fix=fix)
