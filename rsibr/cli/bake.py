@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from rsibr.cli.options import Config, Imports, Json, imported
+from rsibr.errors import printable
 
 
 def bake(
@@ -59,7 +60,7 @@ def bake(
     else:
         complete = "" if known is None else "already complete, "
         typer.echo(
-            f"{finished.path}: {complete}{finished.view_count} views of {finished.resolution}², "
+            f"{printable(finished.path)}: {complete}{finished.view_count} views of {finished.resolution}², "
             f"{finished.seconds:.1f} s, {finished.bytes / 2**20:.1f} MiB"
         )
         for line in reached_lines(finished.manifest):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rsibr.cli.options import BakePath, Imports, Json, check_output_folder, imported
+from rsibr.errors import printable
 
 if TYPE_CHECKING:
     from rsibr.validation.health.health import Finding, Health, Place
@@ -39,14 +40,14 @@ def check(
         for line in _lines(health):
             typer.echo(line)
         if out is not None:
-            typer.echo(f"report: {out / 'health.html'}")
+            typer.echo(f"report: {printable(out / 'health.html')}")
     raise typer.Exit(0 if health.trusted else 1)
 
 
 def _lines(health: Health) -> Iterator[str]:
     found = [finding for finding in health.findings.values() if finding.texels]
     verdict = "unusable" if not health.trusted else "warnings" if health.warnings else "nothing found"
-    yield f"{health.bake}: {verdict} ({health.views} views, {health.texels} texels)"
+    yield f"{printable(health.bake)}: {verdict} ({health.views} views, {health.texels} texels)"
     for finding in found:
         yield from _finding(finding)
     for drift in health.drifts:

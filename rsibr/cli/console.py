@@ -10,6 +10,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.progress import TimeRemainingColumn as TimeLeftColumn
 
+from rsibr.errors import printable
+
 if TYPE_CHECKING:
     from rsibr.progress import Progress as Work
     from rsibr.store.bake import Bake
@@ -60,13 +62,13 @@ def step_progress(name: str) -> Iterator[Callable[[int, int], None]]:
 def note_peculiarities(bake: Bake) -> None:
     """Print notes on the material, on effects that were forced off, and on clipped values of the environment."""
     for note in bake.manifest.material.notes:
-        console.print(f"note: {bake.manifest.material.name}: {note}", markup=False)
+        console.print(printable(f"note: {bake.manifest.material.name}: {note}"))
     for note in bake.manifest.plan.notes() if bake.manifest.plan else ():
-        console.print(f"note: {note}", markup=False)
+        console.print(printable(f"note: {note}"))
     environment = bake.manifest.environment
     if environment.clipped:
         console.print(
-            f"note: {environment.name}: {environment.clipped} negative values clipped to 0 "
+            f"note: {printable(environment.name)}: {environment.clipped} negative values clipped to 0 "
             f"(the lowest was {environment.lowest:.2g})"
         )
 
@@ -82,7 +84,7 @@ def note_health(bake: Bake) -> None:
     }
     found = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
     if found:
-        console.print(f"note: suspicious texels: {found}. `rsibr check {bake.path}` lists them")
+        console.print(f"note: suspicious texels: {found}. `rsibr check {printable(bake.path)}` lists them")
 
 
 def _bars() -> Progress:

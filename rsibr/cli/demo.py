@@ -9,6 +9,7 @@ import typer
 
 from rsibr.cli.options import Imports, Json, imported
 from rsibr.cli.validate import print_validation
+from rsibr.errors import printable
 
 VIEWS = 8
 SAMPLES = 512
@@ -33,7 +34,9 @@ def demo(
         scene = Scene.prepare(settings)
         baked = bake(scene, out=out / "paint.rsibr", on_progress=show)
     note_peculiarities(baked)
-    console.print(f"baked {baked.view_count} views of {baked.resolution}² in {baked.seconds:.1f} s: {baked.path}")
+    console.print(
+        f"baked {baked.view_count} views of {baked.resolution}² in {baked.seconds:.1f} s: {printable(baked.path)}"
+    )
     with step_progress("validate") as step:
         found = validate(baked, views=VIEWS, samples=SAMPLES, out=out, on_progress=step, scene=scene)
     print_validation(found, out, json_output=json_output)

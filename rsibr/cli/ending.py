@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import errno
 import json
-import os
 import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import typer
 
 from rsibr import clock
+from rsibr.cli.streams import diagnostics, open_standard_streams, results_alone_on_stdout
 from rsibr.errors import InputError, MachineError, RsibrError
 
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Exception of Typer for an invalid command line: a class of its private copy of Click, with one public subclass."""
 
-_GONE = 0
-"""Exit code if the reader of stdout has closed it, as after `| head`."""
+_UNWRITABLE = (errno.ENOSPC, errno.EIO)
 
 
 class Terminated(BaseException):
@@ -43,19 +43,19 @@ def run(command: Callable[[], Any]) -> int:
         0 success, 1 failed check, 2 invalid input, 3 missing resource of the machine, 128 + n ended by signal n.
         Other exceptions are bugs, and are raised.
     """
-    try:
-        with clock.counting(clock.command_start()), _terminable(), _results_alone_on_stdout():
-            return _ended(command)
-    except BrokenPipeError:
-        return _GONE
-    except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EIO):
-            raise
-        return _fail(MachineError(f"cannot be written ({error.strerror})", where="stdout", fix="free some space"))
+    open_standard_streams()
+    with clock.counting(clock.command_start()), _terminable(), diagnostics(), results_alone_on_stdout():
+        code = _ended(command)
+        try:
+            sys.stdout.flush()
+        except OSError as error:
+            return code or _unheard(error)
+        return code
 
 
 def _ended(command: Callable[[], Any]) -> int:
     try:
+        _check_working_folder()
         code = command()
         _say_time()
         sys.stdout.flush()
@@ -69,6 +69,10 @@ def _ended(command: Callable[[], Any]) -> int:
         return _interrupted(signal.SIGTERM)
     except (KeyboardInterrupt, typer.Abort):
         code = 128 + signal.SIGINT
+    except OSError as error:
+        if error.errno not in _UNWRITABLE:
+            raise
+        return _unheard(error)
     return _interrupted(signal.SIGINT) if code == 128 + signal.SIGINT else int(code or 0)
 
 
@@ -96,7 +100,20 @@ def _interrupted(number: signal.Signals) -> int:
 def _say_json(error: RsibrError, exit_code: int) -> None:
     if "--json" in sys.argv:
         said = {"what": error.what, "where": error.where, "fix": error.fix, "exit_code": exit_code}
-        typer.echo(json.dumps({"error": said}))
+        with suppress(OSError):  # the exit code tells it too
+            typer.echo(json.dumps({"error": said}))
+
+
+def _unheard(error: OSError) -> int:
+    """End of a command whose results stdout did not take."""
+    return _fail(MachineError(f"cannot be written ({error.strerror})", where="stdout", fix="free some space"))
+
+
+def _check_working_folder() -> None:
+    try:
+        Path.cwd()
+    except OSError:
+        raise InputError("the working folder no longer exists", fix="change to another one") from None
 
 
 def _mistyped(error: Any) -> InputError:
@@ -121,36 +138,3 @@ def _terminable() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-@contextmanager
-def _results_alone_on_stdout() -> Iterator[None]:
-    """Redirect output of libraries (Mitsuba logs to file descriptor 1) to stderr.
-
-    `sys.stdout` keeps writing to the real stdout, through a copy of its descriptor.
-    """
-    if sys.stdout is not sys.__stdout__ or sys.stdout is None:
-        yield  # stdout is captured already
-        return
-    before, descriptor = sys.stdout, sys.stdout.fileno()
-    before.flush()
-    copy = os.dup(descriptor)
-    # File names may have undecodable bytes, and the terminal's encoding may lack `²`
-    sys.stdout = open(copy, "w", encoding=before.encoding, errors="backslashreplace")  # noqa: PTH123, SIM115
-    try:
-        os.dup2(2, descriptor)
-        yield
-        sys.stdout.flush()
-    except OSError:
-        _discard(copy)  # otherwise the buffer would be written again at exit
-        raise
-    finally:
-        os.dup2(copy, descriptor)
-        sys.stdout.close()
-        sys.stdout = before
-
-
-def _discard(descriptor: int) -> None:
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, descriptor)
-    os.close(nowhere)

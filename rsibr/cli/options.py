@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import stat
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from rsibr.errors import InputError
+
+_LONGEST_SHOWN = 100
+"""Characters of an argument that an error repeats."""
 
 Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="Config file (TOML).", show_default=False)]
 BakePath = Annotated[Path, typer.Argument(metavar="BAKE", help="Directory of a bake.", show_default=False)]
@@ -59,7 +63,8 @@ def parse_view(text: str) -> tuple[float, float, float]:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
         fix = "give three numbers, as in --view 1,0.5,2 (--view=-1,0,0 where the first is negative)"
-        raise InputError(f"'{text}' is no direction", where="--view", fix=fix) from None
+        shown = text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}…"
+        raise InputError(f"'{shown}' is no direction", where="--view", fix=fix) from None
     return x, y, z
 
 
@@ -71,8 +76,11 @@ def check_output_folder(folder: Path) -> None:
     InputError
         If the path or a parent is a file, or if the nearest existing folder is not writable.
     """
-    nearest = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     fix = "choose another --out"
+    try:
+        nearest = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    except OSError as error:
+        raise InputError(f"{folder} cannot be used ({error.strerror})", where="--out", fix=fix) from error
     if not nearest.is_dir():
         raise InputError(f"{nearest} is a file, not a folder", where="--out", fix=fix)
     if not os.access(nearest, os.W_OK | os.X_OK):
@@ -85,10 +93,17 @@ def check_output_file(file: Path) -> None:
     Raises
     ------
     InputError
-        If it is a folder, or if its folder does not exist or is not writable.
+        If it is a folder or of a kind that is not written, or if its folder does not exist or is not writable.
     """
-    if not file.name or file.is_dir():
-        raise InputError(f"{file} is a folder", where="--out", fix="name a file in it")
-    if not file.parent.is_dir():
-        raise InputError(f"there is no folder {file.parent}", where="--out", fix="make it, or choose another place")
-    check_output_folder(file.parent)
+    from rsibr.store.atomic import check_writable
+
+    try:
+        if not file.name or file.is_dir():
+            raise InputError(f"{file} is a folder", where="--out", fix="name a file in it")
+        if not file.parent.is_dir():
+            raise InputError(f"there is no folder {file.parent}", where="--out", fix="make it, or choose another place")
+        special = check_writable(file)
+    except OSError as error:
+        raise InputError(f"{file} cannot be written ({error.strerror})", where="--out", fix="name a file") from error
+    if special is None or stat.S_ISREG(special):
+        check_output_folder(Path(os.path.realpath(file)).parent)

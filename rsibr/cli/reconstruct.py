@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from rsibr.cli.options import BakePath, Json, check_output_file, parse_view
+from rsibr.errors import printable
 
 
 def reconstruct(
@@ -33,6 +34,6 @@ def reconstruct(
         typer.echo(json.dumps(state | {"prepare_seconds": result.prepare_seconds, "resolution": len(result.image)}))
     else:
         typer.echo(
-            f"{out}: {result.method}, {len(result.image)}², prepared in {result.prepare_seconds:.2f} s, "
+            f"{printable(out)}: {result.method}, {len(result.image)}², prepared in {result.prepare_seconds:.2f} s, "
             f"made in {result.seconds * 1e3:.1f} ms (compiling included)"
         )

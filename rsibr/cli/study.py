@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rsibr.cli.options import Imports, Json, check_output_folder, imported
+from rsibr.errors import printable
 
 if TYPE_CHECKING:
     from rsibr.progress import Progress
@@ -80,4 +81,4 @@ def _print(found: Study) -> None:
         typer.echo(f"  {sentence}")
     document = found.document
     typer.echo(f"forecast {duration(document.expected_seconds)}, took {duration(document.seconds)}")
-    typer.echo(f"report: {found.out / 'study.html'}")
+    typer.echo(f"report: {printable(found.out / 'study.html')}")

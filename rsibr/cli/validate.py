@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rsibr.cli.options import BakePath, Imports, Json, check_output_folder, imported, parse_view
+from rsibr.errors import printable
 
 if TYPE_CHECKING:
     from rsibr.validation.results import Validation
@@ -86,4 +87,4 @@ def print_validation(found: Validation, out: Path, *, json_output: bool) -> None
     console = Console(highlight=False)
     console.width = max(console.width, TABLE_WIDTH)  # without a terminal Rich assumes a narrow one
     console.print(table)
-    typer.echo(f"report: {out / 'report.html'}")
+    typer.echo(f"report: {printable(out / 'report.html')}")

@@ -5,6 +5,7 @@ Each error is one line that names the file, the dotted key, the value and the al
 
 from __future__ import annotations
 
+import errno
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -22,6 +23,7 @@ from pydantic import (
 )
 
 from rsibr.errors import InputError
+from rsibr.regular_file import read_regular
 from rsibr.scene.auto import Auto, Between
 from rsibr.scene.config_errors import describe
 from rsibr.scene.overrides import apply_overrides, override_keys
@@ -443,15 +445,17 @@ def parse_config(
 def read_toml(path: Path) -> dict[str, Any]:
     """Read the tables of a TOML file; InputError if it cannot be read."""
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = read_regular(path).decode("utf-8-sig")
     except FileNotFoundError:
         raise InputError("there is no such config", where=str(path), fix="check the path") from None
-    except IsADirectoryError:
-        raise InputError("is a folder, not a config", where=str(path), fix="name a TOML file in it") from None
+    except OSError as error:
+        if error.errno == errno.EISDIR:
+            raise InputError("is a folder, not a config", where=str(path), fix="name a TOML file in it") from None
+        raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from None
     except UnicodeDecodeError as error:
         raise InputError(f"is not UTF-8 (byte {error.start})", where=str(path), fix="save the file as UTF-8") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", where=str(path)) from None
+    except ValueError as error:
+        raise InputError(f"cannot be read: {error}", where=str(path)) from None
     try:
         return tomllib.loads(text)
     except ValueError as error:  # also raised for integers of thousands of digits

@@ -8,6 +8,7 @@ from typing import Any
 
 from rsibr.errors import InputError
 from rsibr.geometry.viewpoints import Viewpoints, from_directions, icosphere
+from rsibr.regular_file import read_regular
 from rsibr.scene.config import ViewsConfig
 
 
@@ -40,7 +41,7 @@ def load_viewpoints(config: ViewsConfig) -> Viewpoints:
 
 def _read_json(path: Path) -> Any:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(read_regular(path).decode("utf-8"))
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", where=str(path), fix="check views.file") from None
     except ValueError as error:

@@ -10,6 +10,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from rsibr.errors import BakeError
+from rsibr.regular_file import read_regular
 from rsibr.store.atomic import checksum, is_leftover, unreadable, unwritable, write_atomic
 from rsibr.store.directory import entries, make_folder, make_own_folder
 from rsibr.store.manifest import canonical
@@ -36,7 +37,7 @@ class Journal:
         """Return the result stored under `key`; None without one, or if its file was altered."""
         path = self._path(key)
         try:
-            content = json.loads(path.read_bytes())
+            content = json.loads(read_regular(path))
             result, found = content["result"], content["checksum"]
         except FileNotFoundError:
             return None
