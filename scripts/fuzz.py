@@ -21,8 +21,9 @@ from pathlib import Path
 from typing import Any
 
 TARGETS = {
-    "config-bytes": 0.16, "config-tables": 0.16, "override": 0.14, "views": 0.12, "environment": 0.12,
-    "emitter": 0.05, "bsdf": 0.07, "xml": 0.05, "bake": 0.08, "command-line": 0.05,
+    "config-bytes": 0.08, "config-tables": 0.09, "override": 0.08, "views": 0.07, "environment": 0.12,
+    "emitter": 0.05, "bsdf": 0.06, "xml": 0.05, "bake": 0.06, "command-line": 0.04,
+    "stranger-manifest": 0.15, "stranger-map": 0.09, "stranger-light": 0.04, "stranger-files": 0.02,
 }  # fmt: skip
 """What is fuzzed, and its share of the inputs."""
 
@@ -197,16 +198,19 @@ def prepare(folder: Path, bake: Path) -> Any:
 
 
 def small_bake(folder: Path) -> Path:
-    """Bake twelve tiny maps, in a process of its own."""
-    from fuzz_inputs import CONFIG  # noqa: PLC0415
+    """Bake tiny maps, and beside them those of a stranger; in a process of its own."""
+    import fuzz_bakes  # noqa: PLC0415
+    from fuzz_inputs import CONFIG, STRANGER  # noqa: PLC0415
 
-    (folder / "config.toml").write_text(CONFIG)
-    bake = folder / "small.rsibr"
-    code = "import sys, rsibr; rsibr.bake(sys.argv[1], out=sys.argv[2])"
-    subprocess.run(
-        [sys.executable, "-c", code, str(folder / "config.toml"), str(bake)], check=True, capture_output=True
-    )
-    return bake
+    for name, config in (("small.rsibr", CONFIG), (STRANGER, fuzz_bakes.CONFIG)):
+        (folder / "config.toml").write_text(config)
+        code = "import sys, rsibr; rsibr.bake(sys.argv[1], out=sys.argv[2])"
+        command = [sys.executable, "-c", code, str(folder / "config.toml"), str(folder / name)]
+        subprocess.run(command, check=True, capture_output=True)
+    code = "import sys, pathlib, fuzz_bakes; fuzz_bakes.stranger(pathlib.Path(sys.argv[1]))"
+    command = [sys.executable, "-c", code, str(folder / STRANGER)]
+    subprocess.run(command, check=True, capture_output=True, cwd=Path(__file__).parent)
+    return folder / "small.rsibr"
 
 
 def show(report: dict[str, Any]) -> None:

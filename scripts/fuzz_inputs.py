@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
+from fuzz_bakes import BakeInputs
 
 from rsibr.cli import app as command_line
 from rsibr.errors import InputError
@@ -123,6 +124,15 @@ SOUND = {
 }
 """Values that a config takes, so that not every input is refused for the first thing in it."""
 
+STRANGER = "stranger.rsibr"
+"""Bake beside the small one, which `fuzz_bakes` alters."""
+
+FAMILIES: list[Callable[[Path, Path], Any]] = [lambda folder, bake: BakeInputs(folder, bake.with_name(STRANGER))]
+"""Further inputs, a file each: (folder, small bake) → object whose `targets()` are kinds by name, as those of `Inputs`.
+
+A kind is fuzzed if `fuzz.TARGETS` gives it a share.
+"""
+
 Case = Callable[[], object]
 
 
@@ -153,6 +163,8 @@ class Inputs:
             "bake": self.altered_bake,
             "command-line": self.command_line,
         }
+        for family in FAMILIES:
+            self.targets |= family(folder, bake).targets()
 
     def case(self, target: str, seed: int, number: int) -> Case:
         """Make input `number`; the same for the same arguments."""

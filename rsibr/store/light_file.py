@@ -13,7 +13,6 @@ Parts, in this order, by name:
 
 from __future__ import annotations
 
-import contextlib
 import io
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 from rsibr.errors import BakeError
 from rsibr.light.environment_pyramid import level_resolution, level_widths
 from rsibr.light.radiance import Irradiance, Light
+from rsibr.store.exr import open_exr
 from rsibr.store.map_file import FRAME_KEY, REC709
 
 LIGHT_NAME = "light.exr"
@@ -70,12 +70,11 @@ def decode_light(data: bytes, where: str) -> Light:
         If the bytes are not such a file, or are truncated or altered.
     """
     try:
-        with contextlib.redirect_stdout(io.StringIO()):
-            with OpenEXR.File(io.BytesIO(data), header_only=True) as file:
-                _check_sizes([part.header for part in file.parts])
-            with OpenEXR.File(io.BytesIO(data)) as file:
-                parts = {part.name() or _PICTURE: (_pixels(part), part.header) for part in file.parts}
-                light = _light_of(parts)  # closing the file empties the headers
+        with open_exr(io.BytesIO(data), header_only=True) as file:
+            _check_sizes([part.header for part in file.parts])
+        with open_exr(io.BytesIO(data)) as file:
+            parts = {part.name() or _PICTURE: (_pixels(part), part.header) for part in file.parts}
+            light = _light_of(parts)  # closing the file empties the headers
     except (LookupError, RuntimeError, ValueError, TypeError, OSError, AttributeError, MemoryError) as error:
         raise BakeError("is no light of rsibr, or is truncated or altered", where=where) from error
     unsound = next((name for name, image in images_of(light) if not np.isfinite(image).all()), None)

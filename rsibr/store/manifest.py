@@ -519,7 +519,8 @@ def read_manifest(path: Path) -> Manifest:
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(map(str, first["loc"]))
-        what = f"is no valid manifest: {_cut(place)}: {_cut(first['msg'])}"
+        told = first["msg"].removeprefix("Value error, ")
+        what = f"is no valid manifest: {f'{_cut(place)}: ' if place else ''}{_cut(told)}"
         raise BakeError(what, where=str(path), fix=remedy) from error
 
 

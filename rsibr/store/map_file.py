@@ -8,7 +8,6 @@ truncated file.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import io
 from collections.abc import Iterator
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 
 from rsibr.errors import BakeError
 from rsibr.store.atomic import checksum, read_bytes, write_atomic
+from rsibr.store.exr import open_exr
 
 Image = NDArray[np.float32]
 
@@ -153,7 +153,7 @@ def encode_map(map_file: MapFile) -> bytes:
         "software": "rsibr",
         VIEW_KEY: np.asarray(map_file.view, np.float32),
         FRAME_KEY: np.ascontiguousarray(map_file.frame, np.float32),
-        DIGEST_KEY: _digest(map_file),
+        DIGEST_KEY: map_digest(map_file),
     }
     # OpenEXR ignores the strides of an array: arrays must be contiguous
     parts = [
@@ -174,13 +174,12 @@ def decode_map(data: bytes, where: str) -> MapFile:
         If the bytes are truncated or altered, or are not a map of rsibr.
     """
     try:
-        # OpenEXR prints warnings on stdout, which `--json` reserves for its object
-        with contextlib.redirect_stdout(io.StringIO()), OpenEXR.File(io.BytesIO(data)) as file:
+        with open_exr(io.BytesIO(data)) as file:
             headers = [dict(part.header) for part in file.parts]
             images = {part.name(): _pixels(part) for part in file.parts}
             grey = all("Y" in part.channels for part in file.parts)
         map_file = _assemble(headers, images, grey)
-        whole = _agree(headers) and headers[0][DIGEST_KEY] == _digest(map_file)
+        whole = _agree(headers) and headers[0][DIGEST_KEY] == map_digest(map_file)
     except KeyError as error:
         raise BakeError(f"is not a whole map of rsibr: {error.args[0]} is missing", where=where) from error
     except (RuntimeError, ValueError, TypeError, OSError, MemoryError) as error:
@@ -226,7 +225,7 @@ def _pixels(part: Any) -> Image:
     return np.repeat(pixels[..., None], 3, axis=-1) if is_colour else pixels
 
 
-def _digest(map_file: MapFile) -> str:
+def map_digest(map_file: MapFile) -> str:
     """SHA-256 of view, frame and the pixels of all parts, as stored."""
     digest = hashlib.sha256()
     for values in (map_file.view, map_file.frame):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
@@ -13,6 +11,7 @@ from numpy.typing import NDArray
 
 from rsibr.errors import BakeError
 from rsibr.geometry.frame import view_frame
+from rsibr.store.exr import open_exr
 from rsibr.store.layers import layers_at
 from rsibr.store.manifest import MAX_RESOLUTION, Manifest
 from rsibr.store.map_file import COVERAGE, FRAME_KEY, VARIANCE, VIEW_KEY, MapFile
@@ -21,6 +20,10 @@ ANOTHER = "bake the view again with the same `rsibr bake` command, or bake anew 
 
 _TOLERANCE = 1e-6  # the header stores view and frame in float32
 _COLOUR, _GREY = {"R", "G", "B"}, {"Y"}
+
+
+class _OtherwiseStoredError(Exception):
+    """A part is not stored as `rsibr.store.map_file` stores it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,16 +70,15 @@ def read_header(file: BinaryIO, where: str) -> MapHeader:
         If it is no OpenEXR map as `rsibr.store.map_file` writes it.
     """
     try:
-        # OpenEXR prints warnings on stdout, which `--json` reserves for its object
-        with contextlib.redirect_stdout(io.StringIO()), OpenEXR.File(file, header_only=True) as exr:
+        with open_exr(file, header_only=True) as exr:
             headers = [(part.name(), dict(part.header)) for part in exr.parts]
             sides = {_side(name, header) for name, header in headers}
             view, frame = (np.array(headers[0][1][key], np.float64) for key in (VIEW_KEY, FRAME_KEY))
         if len(sides) != 1:
-            raise ValueError("the parts differ in size")
-    except ValueError as error:
+            raise _OtherwiseStoredError("the parts differ in size")
+    except _OtherwiseStoredError as error:
         raise BakeError(f"is not an OpenEXR map of rsibr: {error}", where=where) from error
-    except (LookupError, RuntimeError, TypeError, OSError, AttributeError, OverflowError, MemoryError) as error:
+    except (LookupError, RuntimeError, ValueError, TypeError, OSError, AttributeError, MemoryError) as error:
         raise BakeError("is not an OpenEXR map of rsibr, or is truncated or altered", where=where) from error
     return MapHeader(view, frame, sides.pop(), [name for name, _ in headers])
 
@@ -102,19 +104,19 @@ def check_header(header: MapHeader, manifest: Manifest, index: int, where: str) 
 
 
 def _side(name: str, header: dict[str, Any]) -> int:
-    """Texels a side of a part; ValueError if it is not stored as the format says."""
+    """Texels a side of a part; raises if it is not stored as the format says."""
     if header["type"] != OpenEXR.scanlineimage or header["compression"] != OpenEXR.ZIP_COMPRESSION:
-        raise ValueError(f"part {name} has no scan lines in ZIP compression")
+        raise _OtherwiseStoredError(f"part {name} has no scan lines in ZIP compression")
     channels = {channel.name for channel in header["channels"]}
     if channels != _GREY and (name == COVERAGE or channels != _COLOUR):
-        raise ValueError(f"part {name} has the channels {', '.join(sorted(channels))}")
+        raise _OtherwiseStoredError(f"part {name} has the channels {', '.join(sorted(channels))}")
     if any((channel.xSampling, channel.ySampling) != (1, 1) for channel in header["channels"]):
-        raise ValueError(f"part {name} is subsampled")
+        raise _OtherwiseStoredError(f"part {name} is subsampled")
     windows = [np.array(header[key], np.int64) for key in ("dataWindow", "displayWindow")]
     side = int(windows[0].max()) + 1
     square = [[0, 0], [side - 1, side - 1]]
     if any(window.tolist() != square for window in windows) or not 1 <= side <= MAX_RESOLUTION:
-        raise ValueError(f"part {name} has the window {windows[0].tolist()}, not that of a square map")
+        raise _OtherwiseStoredError(f"part {name} has the window {windows[0].tolist()}, not that of a square map")
     return side
 
 
