@@ -127,7 +127,7 @@ class BakeInputs:
             names.append(f"{name}: {_alter(rng, place)}")
             known &= not any(part in FREE for part in name.split("."))
         if rng.random() < 0.5:  # whoever knows the format mends this hash, too
-            with suppress(ValueError, TypeError, KeyError):
+            with suppress(ValueError, TypeError, KeyError, RecursionError):
                 body["config_hash"] = checksum(canonical(body["config"]))
         write(self.path, body, rng)
         return Alteration("; ".join(names), known)
@@ -273,18 +273,23 @@ def _alter(rng: random.Random, place: Json) -> str:
     keys = list(place) if isinstance(place, dict) else list(range(len(place)))
     if not keys:
         return "nothing"
-    key = rng.choice(keys)
     kind = rng.randrange(7)
+    return _rearrange(rng, place, keys, kind) if kind < 3 else _replace(rng, place, rng.choice(keys), kind)
+
+
+def _rearrange(rng: random.Random, place: Json, keys: list[Any], kind: int) -> str:
+    key, other = rng.choice(keys), rng.choice(keys)
     if kind == 0:
         del place[key]
         return f"{key} removed"
-    if kind == 1 and len(keys) > 1:
-        other = rng.choice(keys)
-        place[key], place[other] = place[other], place[key]
-        return f"{key} and {other} exchanged"
-    if kind == 2 and isinstance(place, list):
+    if kind == 1 and isinstance(place, list):
         place.insert(rng.randrange(len(place) + 1), place[key])
         return f"{key} repeated"
+    place[key], place[other] = place[other], place[key]
+    return f"{key} and {other} exchanged"
+
+
+def _replace(rng: random.Random, place: Json, key: Any, kind: int) -> str:
     if kind == 3 and isinstance(place[key], int | float):
         value = rng.choice([place[key] * 2, -place[key] - 1, place[key] + 1, str(place[key]), float(place[key])])
     elif kind == 4:

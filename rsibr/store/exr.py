@@ -32,9 +32,13 @@ def open_exr(source: BinaryIO, *, header_only: bool = False) -> Iterator[Any]:
         Closing it empties its headers.
     """
     # The library prints warnings on stdout, which `--json` reserves for its object, and defects on descriptor 2
-    with _ONE_AT_A_TIME, contextlib.redirect_stdout(io.StringIO()), _silent_descriptor(2):
-        with OpenEXR.File(source, header_only=header_only) as file:
-            yield file
+    with (
+        _ONE_AT_A_TIME,
+        contextlib.redirect_stdout(io.StringIO()),
+        _silent_descriptor(2),
+        OpenEXR.File(source, header_only=header_only) as file,
+    ):
+        yield file
 
 
 @contextlib.contextmanager

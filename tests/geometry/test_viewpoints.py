@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from rsibr.errors import InputError
 from rsibr.geometry.spherical import gnomonic_weights
@@ -114,3 +115,11 @@ def test_views_that_do_not_cover_the_sphere_are_refused(directions, triangles, m
 def test_subdivision_out_of_range(subdivision):
     with pytest.raises(InputError, match="subdivision"):
         icosphere(subdivision)
+
+
+def test_the_icosahedron_is_that_of_trimesh_to_the_bit():
+    """Finer icospheres begin with its vertices, and stored bakes have them in this order."""
+    mesh = trimesh.creation.icosphere(subdivisions=0)
+    expected, made = from_directions(mesh.vertices, mesh.faces), icosphere(0)
+    np.testing.assert_array_equal(made.directions, expected.directions)
+    np.testing.assert_array_equal(made.triangles, expected.triangles)

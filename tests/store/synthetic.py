@@ -89,7 +89,9 @@ def baked(count: int, index: int, resolution: int = RESOLUTION, samples: int = 6
     return MapFile(frame[:, 2], frame, {"radiance": image}, variance, coverage)
 
 
-def write(path: Path, count: int = COUNT, samples: int = 64, fresh: bool = False, views: int | None = None) -> list[int]:
+def write(
+    path: Path, count: int = COUNT, samples: int = 64, fresh: bool = False, views: int | None = None
+) -> list[int]:
     """Bake what is pending, or the first `views` of it; return what was pending."""
     with BakeWriter.open(path, manifest(count, samples), fresh=fresh) as writer:
         pending = writer.pending
