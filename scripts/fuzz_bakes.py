@@ -25,8 +25,10 @@ import numpy as np
 import OpenEXR
 
 from rsibr import backend
+from rsibr.geometry.frame import view_frame
 from rsibr.light.radiance import Light
-from rsibr.methods.reconstruction import reconstruct
+from rsibr.methods.method_set import MethodSet
+from rsibr.methods.reconstruction import run
 from rsibr.store.bake import Bake, open_bake
 from rsibr.store.light_file import LIGHT_NAME, encode_light
 from rsibr.store.manifest import MANIFEST_NAME, canonical, checksum
@@ -209,7 +211,8 @@ class BakeInputs:
 
 def pictures(bake: Bake) -> list[np.ndarray]:
     """Maps of two views by two methods."""
-    return [reconstruct(bake, view, method=method, resolution=8).image for view in VIEWS for method in METHODS]
+    methods, frames = MethodSet(bake), [view_frame(view) for view in VIEWS]
+    return [run(methods[name], frame, bake.resolution).image for frame in frames for name in METHODS]
 
 
 def stranger(path: Path) -> Path:

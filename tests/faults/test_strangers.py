@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import random
 import shutil
 import signal
 from collections.abc import Callable, Iterator
@@ -278,6 +279,19 @@ def test_names_of_a_stranger_do_not_reach_the_terminal_as_controls(stranger, she
 
     note_peculiarities(open_bake(stranger))
     assert "\x1b" not in shell._capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("target", "count"), [("stranger-manifest", 12), ("stranger-map", 12), ("stranger-files", 20)])
+def test_some_alterations_of_the_fuzzing(stranger, monkeypatch, target, count):
+    """An accepted one must give the picture of the unaltered bake; `make fuzz` tries thousands."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "scripts"))
+    from fuzz import ending
+    from fuzz_bakes import BakeInputs
+
+    kinds = BakeInputs(stranger.parent, stranger.rename(stranger.with_name("whole.rsibr"))).targets()
+    found = [ending(kinds[target](random.Random(f"{target}/{number}"))) for number in range(count)]
+    assert [detail for outcome, detail in found if outcome not in ("accepted", "refused")] == []
+    assert "refused" in {outcome for outcome, _ in found}
 
 
 # --- Streams ----------------------------------------------------------------------------------------------------------
