@@ -174,8 +174,8 @@ def _check_identity(manifest: Manifest) -> None:
     identity = manifest.identity
     for kind, name in (("environment", manifest.environment.name), ("material", manifest.material.name)):
         part = identity.get(kind)
-        content = part.get("content") if isinstance(part, dict) else None
-        _require(isinstance(content, str), f"identity.{kind}.content: is missing")
+        if not isinstance(part, dict) or not isinstance(part.get("content"), str):
+            raise ValueError(f"identity.{kind}.content: is missing")
         _require(part.get("name", name) == name, f"identity.{kind}.name: is not that of the {kind}")
     packages = identity.get("packages", {})
     same = isinstance(packages, dict) and packages.items() <= manifest.packages.items()
