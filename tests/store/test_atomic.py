@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import stat
 import threading
 from pathlib import Path
@@ -62,6 +63,7 @@ def test_a_pipe_is_written_into_if_someone_reads_it_and_never_waited_for(tmp_pat
     data, heard = os.urandom(300_000), []  # more than a pipe holds
 
     def listen() -> None:
+        select.select([descriptor], [], [], 10)  # before its first writer a pipe reads as ended
         with os.fdopen(descriptor, "rb") as file:
             heard.append(file.read())
 
