@@ -83,6 +83,7 @@ class Rsibr(ResidualMethod):
     "rsibr",
     summary="prediction of all lobes from the environment, plus warped residuals of the stored maps",
     needs=Needs(light=True, lobes=True),
+    sees_delta_lights=True,
     role="default",
     rank=50,
 )

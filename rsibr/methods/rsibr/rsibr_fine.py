@@ -49,6 +49,7 @@ class RsibrFine(ResidualMethod):
     "rsibr-fine",
     summary="rsibr with every lobe integrated per texel: more accurate, many times slower",
     needs=Needs(light=True, lobes=True),
+    sees_delta_lights=True,
     rank=60,
 )
 def rsibr_fine(

@@ -1,5 +1,7 @@
 """Residuals: nothing is lost at a stored view, whatever the model; elsewhere they count as the formula says."""
 
+from types import SimpleNamespace
+
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -117,7 +119,7 @@ def even(values):
 
 def fixed(cosine):
     """A warp that lands where the stored view sees the surface at `cosine`, whatever the normal."""
-    return lambda n: (mi.Point2f(float(np.sqrt(1 - cosine**2)), 0) + 0 * n.x, mi.Float(1))
+    return SimpleNamespace(normal=lambda n: mi.Vector3f(float(np.sqrt(1 - cosine**2)), 0, cosine) + 0 * n)
 
 
 def carry(values, weights, theres, here):
