@@ -18,13 +18,13 @@ from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.lobe_record import lobe_record
 from rsibr.baking.sampling import Sampler, Steering
 from rsibr.baking.scene import Scene
+from rsibr.errors import CheckFailed
 from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.planning.costs import priced
 from rsibr.planning.plan import Plan
 from rsibr.progress import Progress
 from rsibr.scene.config import ConfigLike, config_of
 from rsibr.scene.material import ANISOTROPIC, Material
-from rsibr.errors import CheckFailed
 from rsibr.store.bake import Bake, BakeWriter, open_bake
 from rsibr.store.layers import layered
 from rsibr.store.manifest import (

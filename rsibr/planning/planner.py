@@ -116,7 +116,7 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
         lobe_maps(lobe, left_out[lobe.name], light, settings.view_dependence, spectra.breaks_closed_forms)
         for lobe in kept
     )
-    layers, lobes = lobe_views(lobes, config.views, settings)
+    layers, lobes = lobe_views(lobes, config.views, settings, [lobe.name for lobe in kept if lobe.kind == "mirror"])
     return Plan(
         effects=unique([*of_material, layers, *carried, sampling, full, *flag_effects(material), *use_effects()]),
         lobes=lobes,

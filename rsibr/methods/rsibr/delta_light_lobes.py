@@ -1,7 +1,8 @@
 """Reflection of delta lights by the lobes of a material, in closed form: irradiance times the fitted BRDF.
 
 A light without extent is in no image of the environment. Its part of the prediction P is the sum of the proxy lobes
-(`rsibr.lobes.basis`) at its direction, each times its ratio to the lobe itself (`rsibr.lobes.proxy_ratio`). A delta lobe does not reflect it: two delta distributions never meet.
+(`rsibr.lobes.basis`) at its direction, each times its ratio to the lobe itself (`rsibr.lobes.proxy_ratio`). A delta
+lobe does not reflect it: two delta distributions never meet.
 """
 
 from __future__ import annotations

@@ -55,6 +55,7 @@ class ResidualMethod(WarpBlend):
     albedo: LobeAlbedo = field(kw_only=True)
     uses_maps: bool = True
     keeps_negatives: bool = False
+    carries_mirror: bool = True
     delta_lights: DeltaLightLobes | None = None
 
     def image(self, columns: mi.Float, resolution: int) -> mi.Float:
@@ -98,7 +99,7 @@ class ResidualMethod(WarpBlend):
         Parameters
         ----------
         radiance : ndarray, shape (N, N, 3)
-            Stored map S [W sr⁻¹ m⁻²].
+            Stored map S [W sr⁻¹ m⁻²]; without the layer of the delta lobe if that is not carried.
         frame : ndarray, shape (3, 3)
             Its frame, columns x, y, v.
 
@@ -114,7 +115,10 @@ class ResidualMethod(WarpBlend):
         n = normal_from_disk(covered_middle(texel_centres(resolution), resolution))
         tables = self._map_tables(matrix, resolution)
         dr.eval(tables)
-        predicted, albedo = self._whole_prediction(n, matrix, tables, resolution), self.albedo.at(n.z)
+        predicted, albedo = (
+            self._whole_prediction(n, matrix, tables, resolution, self.carries_mirror),
+            self.albedo.at(n.z),
+        )
         p, e = (np.array(colour).T.reshape(radiance.shape) for colour in (predicted, albedo))
         return np.asarray((radiance - p) / e, dtype=np.float32)
 
@@ -128,8 +132,10 @@ class ResidualMethod(WarpBlend):
         residual = albedo * warped_residual(self.sources, *toward, n)
         return residual if self.keeps_negatives else clamped(residual, predicted, toward[0])
 
-    def _whole_prediction(self, n: mi.Vector3f, frame: mi.Matrix3f, tables: Any, resolution: int) -> mi.Color3f:
-        radiance = self._predicted(n, frame, tables, resolution)
+    def _whole_prediction(
+        self, n: mi.Vector3f, frame: mi.Matrix3f, tables: Any, resolution: int, mirror: bool = True
+    ) -> mi.Color3f:
+        radiance = self._predicted(n, frame, tables, resolution, mirror=mirror)
         if self.delta_lights is None:
             return radiance
         return radiance + self.delta_lights.mean_over_texel(n, frame, mi.Float(2 / resolution))
@@ -141,8 +147,13 @@ class ResidualMethod(WarpBlend):
         """Return the arrays in which the prediction of a map is looked up, not yet evaluated."""
         raise NotImplementedError
 
-    def _predicted(self, n: mi.Vector3f, frame: mi.Matrix3f, tables: Any, resolution: int) -> mi.Color3f:
-        """Prediction P [W sr⁻¹ m⁻²] for texels with normals `n` in the map's frame, without delta lights."""
+    def _predicted(
+        self, n: mi.Vector3f, frame: mi.Matrix3f, tables: Any, resolution: int, *, mirror: bool = True
+    ) -> mi.Color3f:
+        """Prediction P [W sr⁻¹ m⁻²] for texels with normals `n` in the map's frame, without delta lights.
+
+        With `mirror` false, without the delta lobe either.
+        """
         raise NotImplementedError
 
     def _predicted_at(self, n: mi.Vector3f, v: mi.Vector3f, cosine: mi.Float) -> mi.Color3f:
@@ -180,6 +191,18 @@ class ResidualOptions:
         """Sampling density of a delta lobe: `EXACT` where no residual corrects it, otherwise `ROUGH`."""
         return ROUGH if self.carries else EXACT
 
+    @property
+    def separate_mirror(self) -> str | None:
+        """Name of the delta lobe if every map used here stores it as a layer of its own; None if it is carried along.
+
+        It is carried if it is all that is asked for: then nothing else is stored, or single lobes are compared.
+        """
+        others = [lobe for lobe in self.inputs.lobes if not self.inputs.shapes[lobe.name][0].is_mirror]
+        mirrors = [lobe for lobe in self.inputs.lobes if self.inputs.shapes[lobe.name][0].is_mirror]
+        if not mirrors or not others or (self.lobe and self.lobe != mirrors[0].name):
+            return None
+        return mirrors[0].name if mirrors[0].views is None else None
+
     def __str__(self) -> str:
         """Return the suffix of the method's name: `/lobe` for a single lobe."""
         return f"/{self.lobe}" if self.lobe else ""
@@ -204,7 +227,7 @@ def residual_method(kind: type[_M], name: str, options: ResidualOptions, weights
     **own
         Fields that `kind` adds to `ResidualMethod`.
     """
-    inputs, lobe = options.inputs, options.lobe
+    inputs, lobe, mirror = options.inputs, options.lobe, options.separate_mirror
     made = kind(
         f"{name}{options}",
         inputs.first_views(inputs.stored_count(lobe)),
@@ -213,11 +236,14 @@ def residual_method(kind: type[_M], name: str, options: ResidualOptions, weights
         MirrorWarp.between,
         albedo=LobeAlbedo.of(np.sum([np.array(record.albedo) for record in inputs.lobes], axis=0)),
         uses_maps=options.carries,
+        carries_mirror=mirror is None,
         keeps_negatives=lobe is not None or inputs.bake.rendering != "rgb",
         delta_lights=DeltaLightLobes.of(inputs.light, [one for one in inputs.lobes if lobe in (None, one.name)]),
         **own,
     )
     if options.carries:
-        residuals = [made.residual_of(inputs.image(m, lobe), m.frame) for m in inputs.stored(lobe)]
+        without = [np.float32(0) if mirror is None else inputs.image(m, mirror) for m in inputs.stored(lobe)]
+        seen = zip(inputs.stored(lobe), without, strict=True)
+        residuals = [made.residual_of(inputs.image(m, lobe) - mirrored, m.frame) for m, mirrored in seen]
         made.sources = inputs.on_device(residuals)
     return made

@@ -119,7 +119,7 @@ def even(values):
 
 def fixed(cosine):
     """A warp that lands where the stored view sees the surface at `cosine`, whatever the normal."""
-    return SimpleNamespace(normal=lambda n: mi.Vector3f(float(np.sqrt(1 - cosine**2)), 0, cosine) + 0 * n)
+    return SimpleNamespace(normal=lambda n: vector([[np.sqrt(1 - cosine**2), 0, cosine]]) + 0 * n)
 
 
 def carry(values, weights, theres, here):
