@@ -37,8 +37,8 @@ def sampling_ratio(emitter: dict[str, Any], bsdf: mi.BSDF, samples: int) -> floa
     -------
     float
         Ratio of the relative variances, each a mean over the texels, with a standard error of about 5 %. Deterministic
-        up to rounding, so that a resumed bake makes the same decision. Texels whose samples are not finite are left out;
-        1 if there are no others.
+        up to rounding, so that a resumed bake makes the same decision. Texels whose samples are not finite are left
+        out; 1 if there are no others.
     """
     count = min(samples, MAX_SAMPLES)
     alone, both = (
