@@ -195,3 +195,16 @@ def test_black_maps_of_a_black_scene_are_right(tmp_path, emitter, material):
     scene = {"environment": {"emitter": emitter}, "material": {"bsdf": material}, "map": {"resolution": 8}}
     baked = rsibr.bake({**scene, "sampling": {"samples": 4}}, out=tmp_path / "x.rsibr")
     assert not rsibr.reconstruct(baked, VIEW).image.any()
+
+
+def test_an_emitter_that_mitsuba_cannot_sample_is_refused(tmp_path):
+    """`timed_sunsky` of Mitsuba 3.9.1: a traceback out of Dr.Jit in the middle of a bake."""
+    scene = {"environment": {"emitter": {"type": "timed_sunsky"}}, "material": {"preset": "matte-lambert"}}
+    try:
+        baked = rsibr.bake(
+            {**scene, "map": {"resolution": 8}}, out=tmp_path / "x.rsibr", overrides=["sampling.samples=4"]
+        )
+    except InputError as error:
+        assert "cannot draw directions from 'timed_sunsky'" in str(error)
+    else:  # a later Mitsuba can
+        assert baked.map(0).radiance.any()
