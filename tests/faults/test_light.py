@@ -11,7 +11,10 @@ import pytest
 
 import rsibr
 from rsibr import backend
+from rsibr.baking.blocks import Blocks, estimate
+from rsibr.baking.integrator import SphereIntegrator
 from rsibr.errors import BakeError, CheckFailed, InputError
+from rsibr.geometry.frame import view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.light.delta_lights import DeltaLights
 from rsibr.light.radiance import Light
@@ -208,3 +211,32 @@ def test_an_emitter_that_mitsuba_cannot_sample_is_refused(tmp_path):
         assert "cannot draw directions from 'timed_sunsky'" in str(error)
     else:  # a later Mitsuba can
         assert baked.map(0).radiance.any()
+
+
+def test_where_no_sample_is_lit_every_texel_is_there():
+    """Of a kind with `directional_mirror_traceback`: an estimate that is a literal zero to Dr.Jit has one lane."""
+    beam = {"type": "directional", "direction": [0, -1, -0.3]}
+    integrator = SphereIntegrator(beam, mi.load_dict({"type": "conductor"}), 8)
+    covered = int((integrator.coverage > 0).sum())
+    mean, variance = estimate(integrator, view_frame(VIEW), Blocks(4, 2), np.random.SeedSequence(1))
+    assert mean.shape == (covered, 1, 3)
+    assert not mean.any()
+    assert not variance.any()
+
+
+def test_the_noise_of_a_mirror_is_not_carried_to_a_new_view(tmp_path):
+    """A smooth plastic under a sun that its coat shows by chance: what is added to the closed form is not of the coat."""
+    emitter, plastic = {"type": "sunsky", "sun_direction": [0.3, 0.5, 0.6]}, {"type": "plastic"}
+    scene = {"environment": {"emitter": emitter}, "material": {"bsdf": plastic}, "map": {"resolution": 16}}
+    methods = rsibr.MethodSet(rsibr.bake({**scene, "sampling": {"samples": 4}}, out=tmp_path / "x.rsibr"))
+    frame = view_frame([0.58, -0.58, 0.58])
+    for name in ("rsibr", "rsibr-fine"):
+        whole, base, closed = (
+            np.array(made.map(frame, 16))[..., :3]
+            for made in (
+                methods[name],
+                methods.variant(name, lobe="diffuse"),
+                methods.variant(name, lobe="mirror", uses_maps=False),
+            )
+        )
+        assert whole - base == pytest.approx(closed, abs=1e-3 * closed.max())
