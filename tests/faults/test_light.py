@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import mitsuba as mi
+import numpy as np
 import pytest
 
 import rsibr
@@ -203,14 +205,8 @@ def test_black_maps_of_a_black_scene_are_right(tmp_path, emitter, material):
 def test_an_emitter_that_mitsuba_cannot_sample_is_refused(tmp_path):
     """`timed_sunsky` of Mitsuba 3.9.1: a traceback out of Dr.Jit in the middle of a bake."""
     scene = {"environment": {"emitter": {"type": "timed_sunsky"}}, "material": {"preset": "matte-lambert"}}
-    try:
-        baked = rsibr.bake(
-            {**scene, "map": {"resolution": 8}}, out=tmp_path / "x.rsibr", overrides=["sampling.samples=4"]
-        )
-    except InputError as error:
-        assert "cannot draw directions from 'timed_sunsky'" in str(error)
-    else:  # a later Mitsuba can
-        assert baked.map(0).radiance.any()
+    with pytest.raises(InputError, match="cannot draw directions from 'timed_sunsky'"):
+        rsibr.bake(scene, out=tmp_path / "x.rsibr")
 
 
 def test_where_no_sample_is_lit_every_texel_is_there():
@@ -225,7 +221,7 @@ def test_where_no_sample_is_lit_every_texel_is_there():
 
 
 def test_the_noise_of_a_mirror_is_not_carried_to_a_new_view(tmp_path):
-    """A smooth plastic under a sun that its coat shows by chance: what is added to the closed form is not of the coat."""
+    """A smooth plastic under a sun that its coat shows by chance: nothing of it is added to the closed form."""
     emitter, plastic = {"type": "sunsky", "sun_direction": [0.3, 0.5, 0.6]}, {"type": "plastic"}
     scene = {"environment": {"emitter": emitter}, "material": {"bsdf": plastic}, "map": {"resolution": 16}}
     methods = rsibr.MethodSet(rsibr.bake({**scene, "sampling": {"samples": 4}}, out=tmp_path / "x.rsibr"))
