@@ -235,4 +235,4 @@ def test_the_noise_of_a_mirror_is_not_carried_to_a_new_view(tmp_path):
                 methods.variant(name, lobe="mirror", uses_maps=False),
             )
         )
-        assert whole - base == pytest.approx(closed, abs=1e-3 * closed.max())
+        assert whole - base == pytest.approx(closed, abs=1e-3 * float(closed.max()))
