@@ -119,7 +119,8 @@ class ResidualMethod(WarpBlend):
             self._whole_prediction(n, matrix, tables, resolution, self.carries_mirror),
             self.albedo.at(n.z),
         )
-        p, e = (np.array(colour).T.reshape(radiance.shape) for colour in (predicted, albedo))
+        every = dr.zeros(mi.Color3f, resolution**2)  # a prediction of nothing is a literal zero of one lane
+        p, e = (np.array(colour + every).T.reshape(radiance.shape) for colour in (predicted, albedo))
         return np.asarray((radiance - p) / e, dtype=np.float32)
 
     def _toward(self, frame: mi.Matrix3f) -> tuple[Mixture, list[MirrorWarp]]:
