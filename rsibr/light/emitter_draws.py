@@ -17,6 +17,9 @@ from rsibr.scene.wavelengths import Wavelengths
 SIDE = 1024
 """Strata a side of the random numbers: 2²⁰ draws."""
 
+SCOUT_SIDE = 128
+"""Strata a side of a first look, which costs little where an emitter has no small source."""
+
 MOST_DELTA_LIGHTS = 64
 """Number of delta lights up to which a light is stored; each costs a loop over the lobes in every texel."""
 
@@ -48,16 +51,24 @@ class EmitterDraws:
     is_delta: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, scene: mi.Scene) -> EmitterDraws:
-        """Draw from the only emitter of a scene, in the current variant; the same draws for the same scene."""
+    def of(cls, scene: mi.Scene, side: int = SIDE) -> EmitterDraws:
+        """Draw from the only emitter of a scene, in the current variant; the same draws for the same scene.
+
+        Parameters
+        ----------
+        scene : mi.Scene
+            Scene with one emitter.
+        side : int
+            Strata a side of the random numbers.
+        """
         # ---- Jittered strata for the direction, the wavelengths along a diagonal of the strata ----
-        lanes = SIDE**2
+        lanes, across = side**2, dr.opaque(mi.UInt32, side)
         index = dr.arange(mi.UInt32, lanes)
         random = mi.PCG32(size=lanes, initstate=mi.UInt64(_SEED))
         jitter = mi.Point2f(random.next_float32(), random.next_float32())
-        column, row = index % SIDE, index // SIDE
-        u = (mi.Point2f(mi.Float(column), mi.Float(row)) + jitter) / SIDE
-        shift = (mi.Float((column + row) % SIDE) + random.next_float32()) / SIDE
+        column, row = index % across, index // across
+        u = (mi.Point2f(mi.Float(column), mi.Float(row)) + jitter) / mi.Float(across)
+        shift = (mi.Float((column + row) % across) + random.next_float32()) / mi.Float(across)
         wavelengths = Wavelengths.drawn(lambda: shift)
         # ---- Draws, in linear RGB ----
         point = dr.zeros(mi.SurfaceInteraction3f, lanes)
@@ -71,6 +82,12 @@ class EmitterDraws:
             _rows(drawn.pdf, 1, lanes)[:, 0].astype(np.float64),
             _rows(dr.select(drawn.delta, mi.Float(1), mi.Float(0)), 1, lanes)[:, 0] > 0,
         )
+
+    @classmethod
+    def where_needed(cls, scene: mi.Scene, density: float) -> EmitterDraws:
+        """As `of`; only `SCOUT_SIDE`² draws if those find neither a delta light nor a source denser than `density`."""
+        scouts = cls.of(scene, SCOUT_SIDE)
+        return cls.of(scene) if scouts.is_delta.any() or scouts.has_sources_denser_than(density) else scouts
 
     def delta_lights(self) -> DeltaLights:
         """Delta lights among the draws.

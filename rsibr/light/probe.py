@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.light.emitter_draws import EmitterDraws
+from rsibr.light.emitter_draws import SCOUT_SIDE, EmitterDraws
 from rsibr.light.harmonics import LMAX, band_power, coefficients, reduced
 
 SMALL = 1e-3
@@ -139,7 +139,7 @@ def _statistics(image: NDArray[np.float32]) -> LightProbe:
 
 def _of_delta_lights(scene: mi.Scene) -> LightProbe:
     """Statistics of lights without extent: none but their colour."""
-    drawn = EmitterDraws.of(scene)
+    drawn = EmitterDraws.of(scene, SCOUT_SIDE)
     chroma = _chroma(drawn.weights[None], np.full((1, len(drawn.weights)), 1 / len(drawn.weights)))
     return _without_a_picture(UNRESOLVED if drawn.weights.any() else 0.0, chroma, (_ROWS, _COLUMNS))
 

@@ -144,7 +144,7 @@ def light_of(environment: Environment, with_image: bool) -> Light:
         `DELTA_RESOLUTION`: what a delta lobe needs.
     """
     scene, width = mi.load_dict({"type": "scene", "light": environment.emitter()}), environment.width
-    image, frame, draws = environment.image, environment.frame, EmitterDraws.of(scene)
+    image, frame, draws = environment.image, environment.frame, _draws(scene)
     delta = draws.delta_lights()
     if not with_image:
         return Light(_picture(scene, draws, width, RESOLUTION), delta=delta)
@@ -177,7 +177,16 @@ def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUT
     direction counts in one of them.
     """
     scene = mi.load_dict({"type": "scene", "light": emitter})
-    return _picture(scene, EmitterDraws.of(scene), width, resolution)
+    return _picture(scene, _draws(scene), width, resolution)
+
+
+def _draws(scene: mi.Scene) -> EmitterDraws:
+    return EmitterDraws.where_needed(scene, _source_density(_POINTS * RESOLUTION))
+
+
+def _source_density(points: int) -> float:
+    """Density [sr⁻¹] of drawing a source of `_POINTS_OF_A_SOURCE`, with so many points along a side of the picture."""
+    return points**2 / (4 * math.pi * _POINTS_OF_A_SOURCE)
 
 
 def _picture(scene: mi.Scene, draws: EmitterDraws, width: int, resolution: int) -> NDArray[np.float32]:
@@ -186,7 +195,7 @@ def _picture(scene: mi.Scene, draws: EmitterDraws, width: int, resolution: int) 
     finer = math.ceil(_POINTS * width / (math.sqrt(math.pi) * resolution))  # a texel's angle over 2π/width
     points = min(max(_POINTS, finer), _MOST_POINTS)
     environment = scene.environment()  # None if a delta light is all there is
-    dense = 0.0 if environment is None else (points * resolution) ** 2 / (4 * math.pi * _POINTS_OF_A_SOURCE)
+    dense = 0.0 if environment is None else _source_density(points * resolution)
     has_small = draws.has_sources_denser_than(dense)
     small = draws.mean_radiance(resolution, dense) if has_small else np.zeros((resolution, resolution, 3))
     if environment is None:
