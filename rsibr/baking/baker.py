@@ -18,6 +18,7 @@ from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.lobe_record import lobe_record
 from rsibr.baking.sampling import Sampler, Steering
 from rsibr.baking.scene import Scene
+from rsibr.errors import CheckFailed
 from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.planning.costs import priced
 from rsibr.planning.plan import Plan
@@ -34,6 +35,13 @@ from rsibr.store.manifest import (
     SamplingRecord,
 )
 from rsibr.store.map_file import MapFile
+from rsibr.store.soundness import fault_of
+
+REFLECTS = 1e-6
+"""Albedo above which black maps are a fault under a light that shines."""
+
+NO_GLINT = "its mirror lobe shows no light without extent: their reflection is a point of no size"
+"""Note on a delta lobe under a delta light."""
 
 RETROREFLECTIVE = "retroreflective: no warp reproduces retroreflection; expect larger errors between the stored views"
 
@@ -84,6 +92,9 @@ def bake(
         If `out` holds other files, a bake of another config, or one that another process is writing.
     MachineError
         If the machine has no usable backend, or the disk is full.
+    CheckFailed
+        If the maps are finished and of no use: largely not finite, or black although there is light and the material
+        reflects. They are kept.
     """
     with clock.counting() as begun:
         prepared = config if isinstance(config, Scene) else None
@@ -120,7 +131,25 @@ def _bake_scene(
                 writer.commit_light(scene.light)
             _bake_views(writer, sampler, on_progress)
             _record_end(writer, scene, begun)
-    return open_bake(out)
+    return _sound(open_bake(out), scene)
+
+
+def _sound(baked: Bake, scene: Scene) -> Bake:
+    """Return the finished bake; raise if its maps as a whole are unusable. Its files stay, so that they can be seen."""
+
+    def should_shine() -> bool:
+        kept = [lobe for lobe in scene.parts.probes.material.lobes if lobe.name not in scene.plan.left_out]
+        return not baked.light.is_black and any(lobe.albedo.max() > REFLECTS for lobe in kept)
+
+    fault = fault_of(baked.manifest, should_shine)
+    if not fault:
+        return baked
+    raise CheckFailed(
+        f"baked, and of no use: {fault}",
+        where=str(baked.path),
+        fix=f"check how {scene.material.name} evaluates and samples ({scene.environment.name} is the light); "
+        f"the maps are kept, and `rsibr check {baked.path}` shows where",
+    )
 
 
 def _record_end(writer: BakeWriter, scene: Scene, begun: float) -> None:
@@ -150,7 +179,9 @@ def plan_manifest(
         packages=packages,
         variant=scene.variant,
         environment=EnvironmentRecord(name=environment.name, clipped=environment.clipped, lowest=environment.lowest),
-        material=MaterialRecord(name=material.name, warp=material.warp, notes=_notes(material, plan)),
+        material=MaterialRecord(
+            name=material.name, warp=material.warp, notes=_notes(material, plan, scene.parts.probes.light.is_delta)
+        ),
         lobes=tuple(lobe_record(lobe, plan) for lobe in scene.stored_lobes),
         resolution=scene.resolution,
         directions=viewpoints.directions,
@@ -161,10 +192,12 @@ def plan_manifest(
     )
 
 
-def _notes(material: Material, plan: Plan) -> tuple[str, ...]:
+def _notes(material: Material, plan: Plan, delta_light: bool) -> tuple[str, ...]:
     """Properties of the material that no warp reproduces; shown by the bake and by every report on it."""
     found = {"retroreflection": RETROREFLECTIVE, "anisotropy": ANISOTROPIC}
     flagged = [note for name, note in found.items() if plan[name].missed]
+    if delta_light and plan["mirror"].on:
+        flagged.append(NO_GLINT)
     return tuple(dict.fromkeys([*material.notes, *flagged]))  # no duplicates: Mitsuba may report anisotropy too
 
 

@@ -17,6 +17,7 @@ from rsibr.scene.python_plugins import load_plugins
 from rsibr.scene.views import load_viewpoints
 from rsibr.store.bake import Bake, open_bake
 from rsibr.store.manifest import MANIFEST_NAME, Manifest
+from rsibr.store.soundness import fault_of
 from rsibr.version import __version__
 
 RECORDED = ("mitsuba", "drjit", "numpy", "OpenEXR", "rsibr")
@@ -48,13 +49,15 @@ def finished_bake(config: Config, out: Path | str, digests: dict[str, str] | Non
     -------
     Bake or None
         None if something is missing or damaged, or if the config, the content of the files that it names, the versions
-        of the packages, or the device differ. `rsibr.baking.baker.bake` then reports the cause.
+        of the packages, or the device differ; or if its maps may be unusable as a whole (`rsibr.store.soundness`).
+        `rsibr.baking.baker.bake` then reports the cause.
     """
     if not (Path(out) / MANIFEST_NAME).is_file():
         return None
     try:
         found = open_bake(Path(out))
-        same = _is_complete(found.manifest) and _is_of(found.manifest, config, digests)
+        sound = not fault_of(found.manifest, lambda: True)
+        same = sound and _is_complete(found.manifest) and _is_of(found.manifest, config, digests)
     except RsibrError:
         return None
     return found if same else None

@@ -211,7 +211,8 @@ class SphereIntegrator:
         n = matrix @ normal_from_disk(self._point_in_disk(texel, points.in_texel(), seed_lane))
         v = mi.Vector3f(matrix[0, 2], matrix[1, 2], matrix[2, 2])
         # ---- Radiance of each lobe and channel, in one kernel; unused ones are not computed ----
-        lobes = [[lobe[c] for c in self._channels] for lobe in self._clamped(self._reflected(n, v, points))]
+        every = dr.zeros(mi.Float, lanes)  # a channel that no sample lights is a literal zero of one lane
+        lobes = [[lobe[c] + every for c in self._channels] for lobe in self._clamped(self._reflected(n, v, points))]
         dr.eval(lobes)
         # ---- Mean over each block ----
         means = [[dr.block_sum(channel, samples) / samples for channel in lobe] for lobe in lobes]

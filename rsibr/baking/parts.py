@@ -17,6 +17,7 @@ from rsibr.baking.pilot import sampling_ratio
 from rsibr.light.radiance import Light, light_of
 from rsibr.lobes.adaptation import adapted_lobes
 from rsibr.lobes.gaussians import LobeShape
+from rsibr.lobes.proxy_ratio import proxy_ratios
 from rsibr.lobes.split import Lobe, LobeSplit
 from rsibr.planning.planner import Probes, probe_scene
 from rsibr.scene.config import Config
@@ -117,7 +118,13 @@ class SceneParts:
         matte = [shape.matte for shape in shapes.values() if shape.is_matte]
         glossy = any(not shape.is_matte and not shape.is_mirror for shape in shapes.values())
         key = ("tables", kind, rendering, with_image, *shapes)
-        return self._once(key, lambda: bare.with_tables(glossy=glossy, matte=matte), "rgb")
+
+        def with_tables() -> Light:
+            light = bare.with_tables(glossy=glossy, matte=matte)
+            ratios = proxy_ratios(self.split) if len(bare.delta) else {}
+            return replace(light, proxy_ratios={name: ratios[name] for name in shapes if name in ratios})
+
+        return self._once(key, with_tables, "rgb")
 
     def integrator(
         self,

@@ -37,7 +37,8 @@ def sampling_ratio(emitter: dict[str, Any], bsdf: mi.BSDF, samples: int) -> floa
     -------
     float
         Ratio of the relative variances, each a mean over the texels, with a standard error of about 5 %. Deterministic
-        up to rounding, so that a resumed bake makes the same decision.
+        up to rounding, so that a resumed bake makes the same decision. Texels whose samples are not finite are left
+        out; 1 if there are no others.
     """
     count = min(samples, MAX_SAMPLES)
     alone, both = (
@@ -51,5 +52,8 @@ def _relative_variance(emitter: dict[str, Any], bsdf: mi.BSDF, samples: int, opt
     frame = view_frame(np.array(_VIEW))
     seeds = (np.random.SeedSequence(_SEED, spawn_key=(k,)) for k in range(BLOCKS))
     blocks: NDArray[np.float64] = np.array([integrator.block(frame, samples, seed)[:, 0] for seed in seeds], np.float64)
+    blocks = blocks[:, np.isfinite(blocks).all(axis=(0, 2))]
+    if not blocks.size:
+        return 1.0
     mean = blocks.mean(axis=0)
     return float((blocks.var(axis=0, ddof=1) / (mean**2 + (0.1 * mean.mean()) ** 2 + 1e-30)).mean())

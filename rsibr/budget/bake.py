@@ -54,6 +54,9 @@ def bake(
         If `out` holds other files, a bake of another config, or one that another process is writing.
     MachineError
         If the machine has no usable backend, or the disk is full.
+    CheckFailed
+        If the maps are finished and of no use: largely not finite, or black although there is light and the material
+        reflects. They are kept.
 
     Examples
     --------

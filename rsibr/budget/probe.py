@@ -22,6 +22,7 @@ from rsibr.baking.baker import bake_view, plan_manifest
 from rsibr.baking.blocks import block_sizes
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.scene import Scene
+from rsibr.errors import CheckFailed
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.novel_views import novel_views
 from rsibr.geometry.viewpoints import Viewpoints, from_directions, icosphere
@@ -81,7 +82,13 @@ class ProbedScene:
         return self._scene.planned_views(load_viewpoints(views))
 
     def probe(self, resolution: int, viewpoints: Viewpoints) -> ProbeRecord:
-        """Measure bias and noise of reconstructions from maps of a resolution at the given stored views."""
+        """Measure bias and noise of reconstructions from maps of a resolution at the given stored views.
+
+        Raises
+        ------
+        CheckFailed
+            If they are not finite.
+        """
         # ---- Two independent reconstructions of the novel views ----
         integrator = self.integrator.at_resolution(resolution)
         samples = probe_samples(resolution, self._samples)
@@ -101,6 +108,12 @@ class ProbedScene:
             relative = denominator((true + too) / 2)
             biases.append(float(((left - true) * (right - too) / relative).mean()))
             noises.append(float(((left - right) ** 2 / 2 / relative).mean()))
+        if not np.isfinite([*biases, *noises]).all():
+            raise CheckFailed(
+                "probes of the maps are not finite (NaN or infinite), so no budget can be kept",
+                where=f"{self._scene.material.name} under {self._scene.environment.name}",
+                fix="bake without the budget: `rsibr check` then shows where; mend the material",
+            )
         return ProbeRecord(
             resolution=resolution,
             views=len(viewpoints),

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.progress import TimeRemainingColumn as TimeLeftColumn
@@ -13,6 +14,7 @@ from rich.progress import TimeRemainingColumn as TimeLeftColumn
 from rsibr.errors import printable
 
 if TYPE_CHECKING:
+    from rsibr.methods.reconstruction import Reconstruction
     from rsibr.progress import Progress as Work
     from rsibr.store.bake import Bake
 
@@ -85,6 +87,13 @@ def note_health(bake: Bake) -> None:
     found = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
     if found:
         console.print(f"note: suspicious texels: {found}. `rsibr check {printable(bake.path)}` lists them")
+
+
+def note_non_finite(map_: Reconstruction) -> None:
+    """Print the number of texels of a reconstruction that are not finite, if there are any."""
+    count = int((~np.isfinite(map_.image).all(axis=-1)).sum())
+    if count:
+        console.print(f"note: {count} texels are not finite (NaN or infinite), as are texels of the stored maps")
 
 
 def _bars() -> Progress:

@@ -25,10 +25,12 @@ def reconstruct(
     """Reconstruct the sphere map of a view that was not baked, and write it as an EXR."""
     direction = parse_view(view)
     check_output_file(out)
+    from rsibr.cli.console import note_non_finite
     from rsibr.methods.reconstruction import reconstruct as run
 
     result = run(bake, direction, method=method, resolution=resolution)
     result.write(out)
+    note_non_finite(result)
     if json_output:
         state = {"file": str(out), "view": result.view.tolist(), "method": result.method, "seconds": result.seconds}
         typer.echo(json.dumps(state | {"prepare_seconds": result.prepare_seconds, "resolution": len(result.image)}))

@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.light.emitter_draws import SCOUT_SIDE, EmitterDraws
 from rsibr.light.harmonics import LMAX, band_power, coefficients, reduced
 
 SMALL = 1e-3
@@ -66,7 +67,12 @@ class LightProbe:
     @property
     def is_black(self) -> bool:
         """Whether there is no light at all."""
-        return not any(self.mean) and self.variance != UNRESOLVED
+        return not any(self.mean) and not self.is_delta
+
+    @property
+    def is_delta(self) -> bool:
+        """Whether the light comes from sources without extent."""
+        return self.variance == UNRESOLVED
 
 
 def probe_light(emitter: dict[str, Any], image: NDArray[np.float32] | None) -> LightProbe:
@@ -89,10 +95,11 @@ def probe_light(emitter: dict[str, Any], image: NDArray[np.float32] | None) -> L
     of 0.5°, is found by sampling the emitter and added to the texel of its direction.
     """
     if image is not None:
-        return _statistics(image, has_delta=False)
+        return _statistics(image)
     scene = mi.load_dict({"type": "scene", "light": emitter})
-    has_delta = mi.has_flag(scene.emitters()[0].flags(), mi.EmitterFlags.Delta)
-    return _statistics(_without_losses(scene, _on_grid(scene)), has_delta)
+    if mi.has_flag(scene.emitters()[0].flags(), mi.EmitterFlags.Delta):
+        return _of_delta_lights(scene)
+    return _statistics(_without_losses(scene, _on_grid(scene)))
 
 
 def band_solid_angles(rows: int) -> NDArray[np.float64]:
@@ -103,7 +110,7 @@ def band_solid_angles(rows: int) -> NDArray[np.float64]:
     return np.asarray(-2 * np.pi * np.diff(np.cos(edges)))
 
 
-def _statistics(image: NDArray[np.float32], has_delta: bool) -> LightProbe:
+def _statistics(image: NDArray[np.float32]) -> LightProbe:
     # Mean and variance over the sphere, by solid angle
     brightest = float(image.max(initial=0.0))
     smaller = reduced(image, _ROWS, _COLUMNS) if image.shape[0] > 4 * _ROWS else image.astype(np.float64)
@@ -115,13 +122,12 @@ def _statistics(image: NDArray[np.float32], has_delta: bool) -> LightProbe:
     level = float((weight * grey).sum())
     second = float((weight * grey**2).sum())
     if level <= 0:
-        bands, spectrum = np.zeros(LMAX + 1), np.zeros((LMAX + 1, LMAX + 1), dtype=np.complex128)
-        return LightProbe((0.0, 0.0, 0.0), UNRESOLVED if has_delta else 0.0, 0.0, 0.0, 0.0, bands, spectrum, grey)
+        return _without_a_picture(0.0, 0.0, grey.shape)
     # Spherical harmonics, relative to the mean
     spectrum = coefficients(grey / level)
     return LightProbe(
         mean=(float(mean[0]), float(mean[1]), float(mean[2])),
-        variance=UNRESOLVED if has_delta else min(max(0.0, second / level**2 - 1), UNRESOLVED),
+        variance=min(max(0.0, second / level**2 - 1), UNRESOLVED),
         contrast=max(brightest, float(smaller.max())) / level,
         peak_share=_peak_share(grey, weight) / level,
         chroma=_chroma(smaller, weight),
@@ -129,6 +135,18 @@ def _statistics(image: NDArray[np.float32], has_delta: bool) -> LightProbe:
         spectrum=spectrum,
         small=reduced(grey[..., None] / level, _ROWS // 2, _COLUMNS // 2)[..., 0],
     )
+
+
+def _of_delta_lights(scene: mi.Scene) -> LightProbe:
+    """Statistics of lights without extent: none but their colour."""
+    drawn = EmitterDraws.of(scene, SCOUT_SIDE)
+    chroma = _chroma(drawn.weights[None], np.full((1, len(drawn.weights)), 1 / len(drawn.weights)))
+    return _without_a_picture(UNRESOLVED if drawn.weights.any() else 0.0, chroma, (_ROWS, _COLUMNS))
+
+
+def _without_a_picture(variance: float, chroma: float, shape: tuple[int, ...]) -> LightProbe:
+    bands, spectrum = np.zeros(LMAX + 1), np.zeros((LMAX + 1, LMAX + 1), dtype=np.complex128)
+    return LightProbe((0.0, 0.0, 0.0), variance, 0.0, 0.0, chroma, bands, spectrum, np.zeros(shape))
 
 
 def _peak_share(grey: NDArray[np.float64], weight: NDArray[np.float64]) -> float:

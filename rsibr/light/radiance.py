@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.projections.octahedral import texel_directions
+from rsibr.light.delta_lights import DeltaLights
+from rsibr.light.emitter_draws import EmitterDraws
 from rsibr.light.environment_pyramid import blurred_levels
 from rsibr.light.irradiance import irradiance_map
 from rsibr.scene.wavelengths import Wavelengths
@@ -37,6 +39,10 @@ _WAVELENGTHS = 64
 
 _POINTS = 3  # samples a side of a texel: at least, and per texel of the environment's image
 _MOST_POINTS = 24
+
+_POINTS_OF_A_SOURCE = 1024
+"""Sample points in a source of uniform radiance below which it is drawn from instead: points err by about 0.5 % there,
+and by 5 % in a sun of 0.5°, which holds 20."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +78,12 @@ class Light:
         Levels 1, 2, … of the environment pyramid, see `rsibr.light.environment_pyramid.blurred_levels`; empty without a
         glossy lobe.
     irradiances : tuple of Irradiance
-        One for each matte lobe.
+        One for each matte lobe. Without the delta lights.
+    delta : DeltaLights
+        Lights without extent, which no image holds.
+    proxy_ratios : dict of str to ndarray, shape (N, N, 3), float32
+        For each lobe that reflects delta lights, the ratio to its proxy (`rsibr.lobes.proxy_ratio`); empty without
+        delta lights.
     """
 
     picture: NDArray[np.float32]
@@ -80,15 +91,23 @@ class Light:
     frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
     levels: tuple[NDArray[np.float32], ...] = ()
     irradiances: tuple[Irradiance, ...] = ()
+    delta: DeltaLights = field(default_factory=DeltaLights.none)
+    proxy_ratios: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         kept = [f"picture {len(self.picture)}²", *([] if self.image is None else ["image"])]
-        return f"Light({', '.join(kept)}, {len(self.levels)} levels, {len(self.irradiances)} irradiance maps)"
+        kept += [f"{len(self.levels)} levels", f"{len(self.irradiances)} irradiance maps", f"{len(self.delta)} deltas"]
+        return f"Light({', '.join(kept)})"
+
+    @property
+    def is_black(self) -> bool:
+        """Whether there is no light at all."""
+        return self.delta.is_black and not self.picture.any()
 
     @property
     def nbytes(self) -> int:
         """Size in memory [bytes]."""
-        images = [self.picture, *self.levels, *(one.image for one in self.irradiances)]
+        images = [self.picture, *self.levels, *(one.image for one in self.irradiances), *self.proxy_ratios.values()]
         return sum(image.nbytes for image in images) + (0 if self.image is None else self.image.nbytes)
 
     def with_tables(self, *, glossy: bool, matte: Sequence[NDArray[np.float64]]) -> Light:
@@ -124,12 +143,14 @@ def light_of(environment: Environment, with_image: bool) -> Light:
         Whether to keep its original image or, if it has none, to raise the resolution of `picture` to
         `DELTA_RESOLUTION`: what a delta lobe needs.
     """
-    emitter, width, image, frame = environment.emitter(), environment.width, environment.image, environment.frame
+    scene, width = mi.load_dict({"type": "scene", "light": environment.emitter()}), environment.width
+    image, frame, draws = environment.image, environment.frame, _draws(scene)
+    delta = draws.delta_lights()
     if not with_image:
-        return Light(light_map(emitter, width))
+        return Light(_picture(scene, draws, width, RESOLUTION), delta=delta)
     if image is None or frame is None or min(image.shape[0] - 1, image.shape[1]) < _LEAST_COLUMNS:
-        return Light(light_map(emitter, width, DELTA_RESOLUTION))
-    return Light(light_map(emitter, width), image, frame)
+        return Light(_picture(scene, draws, width, DELTA_RESOLUTION), delta=delta)
+    return Light(_picture(scene, draws, width, RESOLUTION), image, frame, delta=delta)
 
 
 def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUTION) -> NDArray[np.float32]:
@@ -147,21 +168,56 @@ def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUT
     Returns
     -------
     ndarray, shape (R, R, 3), float32
-        Radiance [W sr⁻¹ m⁻²]; see `rsibr.geometry.projections.octahedral`. Black if the emitter has no extent, such as
-        `directional`.
+        Radiance [W sr⁻¹ m⁻²]; see `rsibr.geometry.projections.octahedral`. Delta lights are not in it.
+
+    Notes
+    -----
+    Sample points on a grid, except in sources of fewer than `_POINTS_OF_A_SOURCE` of them, such as the sun's disc or a
+    lamp of few texels: these are drawn from the emitter. The density of the emitter tells the two apart, so that each
+    direction counts in one of them.
     """
-    environment = mi.load_dict({"type": "scene", "light": emitter}).environment()
-    if environment is None:
-        return np.zeros((resolution, resolution, 3), dtype=np.float32)
+    scene = mi.load_dict({"type": "scene", "light": emitter})
+    return _picture(scene, _draws(scene), width, resolution)
+
+
+def _draws(scene: mi.Scene) -> EmitterDraws:
+    return EmitterDraws.where_needed(scene, _source_density(_POINTS * RESOLUTION))
+
+
+def _source_density(points: int) -> float:
+    """Density [sr⁻¹] of drawing a source of `_POINTS_OF_A_SOURCE`, with so many points along a side of the picture."""
+    return points**2 / (4 * math.pi * _POINTS_OF_A_SOURCE)
+
+
+def _picture(scene: mi.Scene, draws: EmitterDraws, width: int, resolution: int) -> NDArray[np.float32]:
+    """See `light_map`."""
+    # ---- Sample points a side of a texel, and the density of an emitter that a source of few points has ----
     finer = math.ceil(_POINTS * width / (math.sqrt(math.pi) * resolution))  # a texel's angle over 2π/width
     points = min(max(_POINTS, finer), _MOST_POINTS)
+    environment = scene.environment()  # None if a delta light is all there is
+    dense = 0.0 if environment is None else _source_density(points * resolution)
+    has_small = draws.has_sources_denser_than(dense)
+    small = draws.mean_radiance(resolution, dense) if has_small else np.zeros((resolution, resolution, 3))
+    if environment is None:
+        return np.asarray(small, dtype=np.float32)
+    # ---- The rest on the grid; one pass a sample, to bound the memory ----
     total = dr.zeros(mi.Color3f, resolution**2)  # a constant emitter returns one lane for all
     offsets = (np.arange(points) + 0.5) / points
     for right in offsets:
-        for down in offsets:  # one pass a sample, to bound the memory
-            total += _radiance(environment, texel_directions(resolution, float(right), float(down)))
+        for down in offsets:
+            d = texel_directions(resolution, float(right), float(down))
+            radiance = _radiance(environment, d)
+            total += dr.select(_density(environment, d) > dense, 0, radiance) if has_small else radiance
             dr.eval(total)
-    return np.array(total / points**2, dtype=np.float32).T.reshape(resolution, resolution, 3)
+    even = np.array(total / points**2, dtype=np.float32).T.reshape(resolution, resolution, 3)
+    return np.asarray(even + small, dtype=np.float32)
+
+
+def _density(environment: mi.Emitter, d: mi.Vector3f) -> mi.Float:
+    """Density [sr⁻¹] with which the emitter is drawn from in the direction `d`."""
+    direction = dr.zeros(mi.DirectionSample3f, dr.width(d))
+    direction.d = d
+    return environment.pdf_direction(dr.zeros(mi.SurfaceInteraction3f, dr.width(d)), direction)
 
 
 def _radiance(environment: mi.Emitter, d: mi.Vector3f) -> mi.Color3f:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from rsibr.errors import InputError
 from rsibr.lobes.basis import LAMBERT, lobe_values
 from rsibr.lobes.bsdf_eval import reflected
 from rsibr.lobes.components import LEAST_SHARE, told_apart
@@ -85,6 +86,11 @@ def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
     list of ProxyLobe
         At least one. Components that Mitsuba evaluates separately are fitted separately.
 
+    Raises
+    ------
+    InputError
+        If the BRDF is not finite at some of the directions.
+
     Notes
     -----
     Non-negative least squares (Lawson & Hanson 1974) of the relative error, weighted by energy (∫ err²/y), over
@@ -98,6 +104,7 @@ def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
     [0.1]
     """
     wi, wo, density = _directions()
+    _check_finite(bsdf, wi, wo)
     components: list[int] | list[None] = told_apart(bsdf, wi, wo, density) or [None]
     matte = [c is not None and mi.has_flag(bsdf.flags(c), mi.BSDFFlags.Diffuse) for c in components]
     glossy = ROUGHNESSES if len(components) == 1 else ROUGHNESSES[1:]
@@ -108,6 +115,18 @@ def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
         for lobe in _fitted(reflected(bsdf, wi, wo, component), (LAMBERT,) if is_matte else glossy, most)
     ]
     return sorted(lobes, key=lambda lobe: (not lobe.is_matte, -lobe.alpha))
+
+
+def _check_finite(bsdf: mi.BSDF, wi: NDArray[np.float64], wo: NDArray[np.float64]) -> None:
+    """Raise where the whole BRDF is NaN or infinite: neither a fit nor a bake can mend it."""
+    bad = np.flatnonzero(~np.isfinite(reflected(bsdf, wi, wo)).all(axis=1))
+    if bad.size:
+        cosines = f"cos θ_i = {wi[bad[0], 2]:.3g}, cos θ_o = {wo[bad[0], 2]:.3g}"
+        raise InputError(
+            f"the BSDF is not finite at {bad.size} of {len(wi)} pairs of directions, first at {cosines}",
+            where="material",
+            fix="mend its eval, or its parameters",
+        )
 
 
 def _fitted(wanted: NDArray[np.float64], roughnesses: tuple[float, ...], most_glossy: int) -> list[ProxyLobe]:

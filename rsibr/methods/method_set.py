@@ -6,12 +6,15 @@ import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from rsibr import backend
 from rsibr.errors import BakeError
 from rsibr.methods.device_size import device_bytes
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.protocol import Cost, Method
 from rsibr.methods.registry import Registration, available, registration
+from rsibr.store.soundness import fault_of, is_all_black
 from rsibr.store.stored_maps import StoredMaps
 
 
@@ -97,8 +100,16 @@ class MethodSet(Mapping[str, Method]):
 
 
 def _check_served(method: Registration, bake: StoredMaps) -> None:
-    """Raise a BakeError if the bake lacks something that the method requires."""
+    """Raise a BakeError if the bake is unusable, or lacks something that the method requires."""
     where = str(bake.path)
+    if fault := fault_of(bake.manifest, lambda: _should_shine(bake)):
+        raise BakeError(fault, where=where, fix="see `rsibr check`, mend the material or the light, and bake anew")
+    if not method.sees_light_of(bake):
+        raise BakeError(
+            f"it is lit by a light without extent, which '{method.name}' does not see",
+            where=where,
+            fix=f"use one of: {', '.join(available(bake))}",
+        )
     if method.needs.lobes and not bake.manifest.lobes:
         fix = f'bake with effects.lobes = "auto" for {method.name}'
         raise BakeError("its lobes are not stored separately", where=where, fix=fix)
@@ -108,3 +119,22 @@ def _check_served(method: Registration, bake: StoredMaps) -> None:
             where=where,
             fix='bake with effects.view_dependence = "on", or use another method',
         )
+    if method.needs.light and bake.manifest.light is not None and _is_blind(bake):
+        raise BakeError(
+            f"its maps are lit, and the light that '{method.name}' predicts them from is black: the bake is older than "
+            "the support of lights without extent",
+            where=where,
+            fix="bake anew with --fresh",
+        )
+
+
+def _should_shine(bake: StoredMaps) -> bool:
+    """Whether there is light and a lobe reflects, as far as the bake knows."""
+    albedo = np.array([record.albedo for record in bake.manifest.lobes])
+    return bool(bake.manifest.light is not None and albedo.any() and not bake.light.is_black)
+
+
+def _is_blind(bake: StoredMaps) -> bool:
+    """Whether maps are lit although the stored light is black."""
+    light = bake.manifest.light
+    return light is not None and light.delta_lights is None and bake.light.is_black and not is_all_black(bake.manifest)

@@ -13,7 +13,7 @@ import importlib
 import inspect
 import pkgutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cache
 from importlib.metadata import entry_points
@@ -60,6 +60,9 @@ class Registration:
         Whether tables, `validate` and `method_names` list it; an unlisted method is available by name.
     alias_of : str
         Method that this name is an alias of, with the options `fixed`; empty if it is not an alias.
+    sees_delta_lights : bool
+        For a method that needs the light: whether it takes lights without extent into account (`Light.delta`). If not,
+        it is refused where there are any: it would be dark without a word.
     """
 
     name: str
@@ -71,6 +74,7 @@ class Registration:
     fixed: Mapping[str, Any] = field(default_factory=dict)
     alias_of: str = ""
     listed: bool = True
+    sees_delta_lights: bool = False
 
     @property
     def options(self) -> dict[str, Any]:
@@ -79,13 +83,18 @@ class Registration:
         return {one.name: one.default for one in parameters if one.kind is one.KEYWORD_ONLY}
 
     def serves(self, bake: StoredMaps) -> bool:
-        """Whether the bake has all parts that the method requires."""
+        """Whether the bake has all parts that the method requires, and the method sees all of its light."""
         held = {
             "views": bake.has_views,
             "light": bake.manifest.light is not None,
             "lobes": bool(bake.manifest.lobes),
         }
-        return all(held[part] for part, needed in vars(self.needs).items() if needed)
+        return all(held[part] for part, needed in vars(self.needs).items() if needed) and self.sees_light_of(bake)
+
+    def sees_light_of(self, bake: StoredMaps) -> bool:
+        """Whether no part of the bake's light is invisible to the method."""
+        light = bake.manifest.light
+        return self.sees_delta_lights or not self.needs.light or light is None or not light.delta_lights
 
 
 _REGISTERED: dict[str, Registration] = {}
@@ -99,12 +108,13 @@ def register(
     role: Role = "plain",
     rank: int = _LAST,
     listed: bool = True,
+    sees_delta_lights: bool = False,
 ) -> Callable[[Factory], Factory]:
     """Register a method; decorates its class, or a function that makes it.
 
     Parameters
     ----------
-    name, summary, needs, role, rank, listed
+    name, summary, needs, role, rank, listed, sees_delta_lights
         See `Registration`.
 
     Returns
@@ -121,7 +131,9 @@ def register(
     """
 
     def decorate(make: Factory) -> Factory:
-        _REGISTERED[name] = Registration(name, summary, make, needs, role, rank, listed=listed)
+        _REGISTERED[name] = Registration(
+            name, summary, make, needs, role, rank, listed=listed, sees_delta_lights=sees_delta_lights
+        )
         return make
 
     return decorate
@@ -134,7 +146,9 @@ def register_alias(name: str, *, of: str, summary: str, rank: int = _LAST, **fix
     def make(inputs: Any) -> Method:
         return origin.make(inputs, **fixed)
 
-    _REGISTERED[name] = Registration(name, summary, make, origin.needs, rank=rank, fixed=fixed, alias_of=of)
+    _REGISTERED[name] = replace(
+        origin, name=name, summary=summary, make=make, role="plain", rank=rank, fixed=fixed, alias_of=of, listed=True
+    )
 
 
 def unregister(name: str) -> None:

@@ -95,7 +95,7 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     Raises
     ------
     InputError
-        If the config forces all lobes off.
+        If the config forces all lobes off, or if no lobe reflects the light.
     """
     # Modelled error of leaving out each lobe
     start = time.perf_counter()
@@ -111,11 +111,12 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
     of_material = tuple(_of_the_material(config, probes, left_out, spectra.breaks_closed_forms))
     carried = (colour, spectra.spectral, spectra.polarisation)
     kept, dropped = _kept(material, of_material)
+    _check_seen(kept, light)
     lobes = tuple(
         lobe_maps(lobe, left_out[lobe.name], light, settings.view_dependence, spectra.breaks_closed_forms)
         for lobe in kept
     )
-    layers, lobes = lobe_views(lobes, config.views, settings)
+    layers, lobes = lobe_views(lobes, config.views, settings, [lobe.name for lobe in kept if lobe.kind == "mirror"])
     return Plan(
         effects=unique([*of_material, layers, *carried, sampling, full, *flag_effects(material), *use_effects()]),
         lobes=lobes,
@@ -147,3 +148,13 @@ def _kept(material: MaterialProbe, effects: tuple[Effect, ...]) -> tuple[list[Lo
             fix='leave one of its lobes at "auto"',
         )
     return kept, tuple(lobe.name for lobe in material.lobes if lobe not in kept)
+
+
+def _check_seen(lobes: list[LobeProbe], light: LightProbe) -> None:
+    """Raise if all light is without extent and all lobes are perfect mirrors: no sample ever hits one in the other."""
+    if light.is_delta and all(lobe.kind == "mirror" for lobe in lobes):
+        raise InputError(
+            "a light without extent is not seen in a perfect mirror: every map would be black",
+            where="environment and material",
+            fix="use a light with an extent, such as an envmap or sunsky, or a material with some roughness",
+        )

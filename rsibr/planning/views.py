@@ -7,7 +7,7 @@ are added to one layer, so that the sum of all layers is the whole map in every 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from rsibr.geometry.viewpoints import VIEW_COUNTS
@@ -19,7 +19,7 @@ _UNIT = "views that all lobes but one need at least"
 
 
 def lobe_views(
-    lobes: tuple[LobePlan, ...], views: ViewsConfig, settings: EffectsConfig
+    lobes: tuple[LobePlan, ...], views: ViewsConfig, settings: EffectsConfig, mirrors: Collection[str] = ()
 ) -> tuple[Effect, tuple[LobePlan, ...]]:
     """Decide whether every view stores a layer for each lobe, and if not, how many views do.
 
@@ -30,6 +30,8 @@ def lobe_views(
     views, settings
         Sections of the config. `effects.lobe_views`: "on", every lobe in every view; "off", no lobe in more than the
         next smaller number of nested views, whatever it needs.
+    mirrors : collection of str
+        Names of delta lobes. They stay apart in all views: a reconstruction leaves their noisy layer out.
 
     Returns
     -------
@@ -44,11 +46,12 @@ def lobe_views(
     if alike := _why_all_alike(lobes, views, settings, fewer):
         return decided(NAME, forced, 0.0, 0.0, _UNIT, why_on, alike, error_if_left_out=0.0), lobes
     why_off = "lobes that need fewer views than are stored are one layer, `rest`, in the others"
-    fewest = float(min(own_views(lobes, count)))
+    needing = [replace(lobe, views_needed=count) if lobe.name in mirrors else lobe for lobe in lobes]
+    fewest = float(min(own_views(needing, count)))
     effect = decided(NAME, forced, fewest, float(fewer), _UNIT, why_on, why_off, error_if_left_out=0.0)
     if effect.on:
         return effect, lobes
-    own = own_views(lobes, fewer if forced == "off" else count)
+    own = own_views(needing, fewer if forced == "off" else count)
     return effect, tuple(
         replace(lobe, own_views=number if number < count else None) for lobe, number in zip(lobes, own, strict=True)
     )

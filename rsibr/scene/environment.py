@@ -221,7 +221,8 @@ def _product(value: Any, scale: float, name: str) -> Any:
 def _check_emitter(environment: Environment, where: str) -> None:
     """Load the emitter and evaluate it in directions all around."""
     with mitsuba_errors(where, _FIX):
-        emitters = mi.load_dict({"type": "scene", "emitter": environment.emitter()}).emitters()
+        scene = mi.load_dict({"type": "scene", "emitter": environment.emitter()})
+    emitters = scene.emitters()
     if len(emitters) != 1 or not mi.has_flag(emitters[0].flags(), mi.EmitterFlags.Infinite):
         raise InputError(
             f"{environment.name} is no emitter at infinity",
@@ -233,3 +234,18 @@ def _check_emitter(environment: Environment, where: str) -> None:
     radiance = np.array(emitters[0].eval(si))
     if not (np.isfinite(radiance).all() and (radiance >= 0.0).all()):
         raise InputError("sends radiance that is negative or not finite", where=where, fix=_FIX)
+    _check_sampling(scene, environment.name, where)
+
+
+def _check_sampling(scene: mi.Scene, name: str, where: str) -> None:
+    """Draw from the emitter; in Mitsuba 3.9 `timed_sunsky` loads and can be evaluated, but not be drawn from."""
+    try:
+        dr.eval(
+            scene.sample_emitter_direction(dr.zeros(mi.Interaction3f, 2), mi.Point2f([0.3, 0.6], [0.2, 0.7]), False)
+        )
+    except RuntimeError as error:
+        raise InputError(
+            f"Mitsuba cannot draw directions from '{name}' in the variant {mi.variant()}, nor render under it",
+            where=where,
+            fix="use a sunsky with a sun_direction, or an envmap",
+        ) from error

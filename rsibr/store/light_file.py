@@ -8,7 +8,10 @@ Parts, in this order, by name:
 - `level.01`, `level.02`, …: levels of the Gaussian pyramid, octahedral, with their standard deviation in radians
   (`rsibr:width`, float), if a lobe is glossy;
 - `irradiance.0`, …: an irradiance map for each matte lobe, octahedral, indexed by the surface normal, with the weights
-  of its bare and its coated cosine lobe in each channel (`rsibr:weights`, m33f, rows bare, coated, zeros).
+  of its bare and its coated cosine lobe in each channel (`rsibr:weights`, m33f, rows bare, coated, zeros);
+- `delta`: lights without extent, one a column, if there are any: in the first row the unit direction to each (x, y, z
+  in R, G, B), in the second its irradiance [W m⁻²];
+- `ratio.NAME`: with such lights, for each lobe the ratio to its proxy, see `rsibr.lobes.proxy_ratio`.
 """
 
 from __future__ import annotations
@@ -22,18 +25,22 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from rsibr.errors import BakeError
+from rsibr.light.delta_lights import DeltaLights
 from rsibr.light.environment_pyramid import level_resolution, level_widths
 from rsibr.light.radiance import Irradiance, Light
+from rsibr.lobes.proxy_ratio import NODES
 from rsibr.store.exr import open_exr
 from rsibr.store.map_file import FRAME_KEY, REC709
 
 LIGHT_NAME = "light.exr"
 
-_PICTURE, _IMAGE, _LEVEL, _IRRADIANCE = "light", "image", "level.", "irradiance."
+_PICTURE, _IMAGE, _LEVEL, _IRRADIANCE, _DELTA = "light", "image", "level.", "irradiance.", "delta"
+_RATIO = "ratio."
 _WIDTH_KEY, _WEIGHTS_KEY = "rsibr:width", "rsibr:weights"
 
 _LARGEST_SIDE = 2**15
 _FRAME_TOLERANCE = 1e-5  # the header is float32
+_NO_DELTA = np.zeros((2, 0, 3), np.float32)
 
 _Images = dict[str, tuple[NDArray[np.float32], dict[str, Any]]]
 """Part name → its image and its own attributes."""
@@ -110,6 +117,9 @@ def _images(light: Light) -> _Images:
         weights = np.zeros((3, 3), np.float32)
         weights[:2] = map_.weights
         images[f"{_IRRADIANCE}{number}"] = (map_.image, {_WEIGHTS_KEY: weights})
+    if len(light.delta):
+        images[_DELTA] = (np.stack([light.delta.directions, light.delta.irradiance]), {})
+    images |= {f"{_RATIO}{name}": (table, {}) for name, table in light.proxy_ratios.items()}
     return images
 
 
@@ -117,6 +127,7 @@ def _light_of(parts: dict[str, tuple[NDArray[np.float32], dict[str, Any]]]) -> L
     """Light of the decoded parts; ValueError where they do not fit together."""
     picture = parts.pop(_PICTURE)[0]
     image, header = parts.pop(_IMAGE, (None, {}))
+    delta = _delta_lights(parts.pop(_DELTA, (_NO_DELTA, {}))[0])
     levels = [pixels for name, (pixels, _) in parts.items() if name.startswith(_LEVEL)]
     width_of = {name: own[_WIDTH_KEY] for name, (_, own) in parts.items() if name.startswith(_LEVEL)}
     maps = [
@@ -124,14 +135,24 @@ def _light_of(parts: dict[str, tuple[NDArray[np.float32], dict[str, Any]]]) -> L
         for name, (pixels, own) in parts.items()
         if name.startswith(_IRRADIANCE)
     ]
-    _check(picture, levels, len(parts) - len(levels) - len(maps))
+    ratios = {name.removeprefix(_RATIO): pixels for name, (pixels, _) in parts.items() if name.startswith(_RATIO)}
+    _check(picture, levels, len(parts) - len(levels) - len(maps) - len(ratios))
     _check_names(picture, width_of, parts)
     frame = np.array(header[FRAME_KEY], np.float64) if image is not None else np.eye(3)
     if not np.allclose(frame.T @ frame, np.eye(3), rtol=0.0, atol=_FRAME_TOLERANCE) or np.linalg.det(frame) < 0.0:
         raise ValueError("the frame of the image is no rotation")
     if any(map_.image.shape[0] != map_.image.shape[1] or not np.isfinite(map_.weights).all() for map_ in maps):
         raise ValueError("an irradiance map is not square, or without weights")
-    return Light(picture, image, frame, tuple(levels), tuple(maps))
+    if any(table.shape != (NODES, NODES, 3) for table in ratios.values()):
+        raise ValueError("a table of ratios has another size")
+    return Light(picture, image, frame, tuple(levels), tuple(maps), delta, ratios)
+
+
+def _delta_lights(pixels: NDArray[np.float32]) -> DeltaLights:
+    directions, irradiance = pixels  # ValueError if there are not two rows
+    if not (np.isfinite(pixels).all() and np.allclose(np.linalg.norm(directions, axis=1), 1, rtol=0, atol=1e-3)):
+        raise ValueError("delta lights need unit directions")
+    return DeltaLights(directions, irradiance)
 
 
 def _check(picture: NDArray[np.float32], levels: list[NDArray[np.float32]], unknown: int) -> None:

@@ -107,10 +107,14 @@ class LobeRecord(_Record):
 
 
 class LightRecord(_Record):
-    """File of the environment: checksum and size [bytes]."""
+    """File of the environment: checksum, size [bytes], and the number of its lights without extent.
+
+    That number is None in bakes older than this field, whose files hold no such light.
+    """
 
     sha256: str = Field(pattern=_SHA256)
     bytes: Size
+    delta_lights: int | None = Field(None, ge=0)
 
 
 class HealthRecord(_Record):

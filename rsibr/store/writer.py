@@ -146,7 +146,7 @@ class BakeWriter:
         """
         data = encode_light(light)
         write_atomic(self.path / LIGHT_NAME, data)
-        record = LightRecord(sha256=checksum(data), bytes=len(data))
+        record = LightRecord(sha256=checksum(data), bytes=len(data), delta_lights=len(light.delta))
         self._record(self.manifest.model_copy(update={"light": record}))
 
     def record_end(self, plan: Plan, seconds: float) -> None:

@@ -48,6 +48,14 @@ def test_where_all_lobes_but_one_need_all_views_every_view_keeps_them_apart(need
     assert found == [None] * len(needed)
 
 
+@pytest.mark.parametrize(("needed", "own"), [((12, 0), [None, None]), ((12, 12, 0), [12, 12, None])])
+def test_a_delta_lobe_stays_apart_in_all_views(needed, own):
+    """The last lobe: its noisy layer is left out of reconstructions, so no other may be added to it."""
+    effect, found = lobe_views(lobes(*needed), ViewsConfig(subdivision=1), EffectsConfig(), [f"lobe-{len(needed) - 1}"])
+    assert [lobe.own_views for lobe in found] == own
+    assert effect.on == (None in own[:1])
+
+
 def test_forced_on_and_off():
     assert decision((12, 12), 2, "on")[1] == [None, None]
     effect, found = decision((162, 162, 642), 2, "off")

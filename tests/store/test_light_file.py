@@ -10,9 +10,11 @@ import pytest
 from rsibr.baking import baker
 from rsibr.baking.baker import bake
 from rsibr.errors import BakeError
+from rsibr.light.delta_lights import DeltaLights
 from rsibr.light.environment_pyramid import EnvironmentPyramid, level_widths
 from rsibr.light.irradiance import irradiance_map
 from rsibr.light.radiance import Light
+from rsibr.lobes.proxy_ratio import NODES
 from rsibr.scene.orientation import rotation_about_y
 from rsibr.store.bake import BakeWriter, open_bake
 from rsibr.store.light_file import LIGHT_NAME, decode_light, encode_light
@@ -91,6 +93,26 @@ def test_it_comes_back_to_the_last_bit(with_image, with_tables):
     found = decode_light(encode_light(whole), "x")
     assert same(found, whole)
     assert len(found.levels) == (len(level_widths(16)) - 1 if with_tables else 0)
+
+
+def test_lights_without_extent_come_back_and_damaged_ones_are_refused():
+    delta = DeltaLights(
+        np.array([[0, 0.6, 0.8], [1, 0, 0]], np.float32), np.array([[3, 2, 1], [0, 1e6, 1e-3]], np.float32)
+    )
+    table = np.random.default_rng(1).random((NODES, NODES, 3), dtype=np.float32)
+    found = decode_light(encode_light(replace(light(), delta=delta, proxy_ratios={"glossy-0.1": table})), "x")
+    assert np.array_equal(found.delta.directions, delta.directions)
+    assert np.array_equal(found.delta.irradiance, delta.irradiance)
+    assert {name: value.tolist() for name, value in found.proxy_ratios.items()} == {"glossy-0.1": table.tolist()}
+    assert len(decode_light(encode_light(light()), "x").delta) == 0
+    for broken in (
+        replace(delta, directions=2 * delta.directions),
+        replace(delta, irradiance=np.inf + delta.irradiance),
+    ):
+        with pytest.raises(BakeError, match="is no light of rsibr"):
+            decode_light(encode_light(replace(light(), delta=broken)), "x")
+    with pytest.raises(BakeError, match="is no light of rsibr"):
+        decode_light(encode_light(replace(light(), proxy_ratios={"glossy-0.1": table[1:]})), "x")
 
 
 def test_what_the_file_holds_is_what_would_be_computed():

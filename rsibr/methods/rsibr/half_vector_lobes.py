@@ -106,7 +106,9 @@ class HalfVectorLobes:
             return mi.Float(0)
         return gathered(frame, self.light, self.levels, self.balance, self.resolution)
 
-    def radiance(self, n: mi.Vector3f, frame: mi.Matrix3f, half_vectors: mi.Float, spacing: mi.Float) -> mi.Color3f:
+    def radiance(
+        self, n: mi.Vector3f, frame: mi.Matrix3f, half_vectors: mi.Float, spacing: mi.Float, mirror: bool = True
+    ) -> mi.Color3f:
         """Prediction P: mean reflected radiance over a texel of a sphere map; docs/method.md, eq. 31.
 
         Parameters
@@ -119,6 +121,8 @@ class HalfVectorLobes:
             From `gathered`.
         spacing : mi.Float
             Distance of neighbouring texels in radii of the disk.
+        mirror : bool
+            Whether to include the delta lobe.
 
         Returns
         -------
@@ -134,7 +138,7 @@ class HalfVectorLobes:
         for irradiance, albedo in self.matte:
             radiance += _colour(albedo.at(n.z)) * irradiance.fetch(world, mi.UInt32(0))
         # ---- Delta lobe: mean over the texel ----
-        if self.mirror is not None:
+        if self.mirror is not None and mirror:
             mirrored, share = self.mirror
             radiance += mirrored.mean_over_texel(n, frame, spacing, lambda cosine: _colour(share.at(cosine)))
         # ---- Sharp part: one anisotropic footprint for all Gaussians narrower than level 0 (section 7.6) ----

@@ -27,12 +27,13 @@ from rsibr.geometry.projections.sphere_map import (
 )
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.lobe_albedo import LobeAlbedo
-from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk
+from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
+from rsibr.methods.rsibr.delta_light_lobes import DeltaLightLobes
 from rsibr.methods.rsibr.delta_lobe import EXACT, ROUGH
 from rsibr.methods.rsibr.residual_transport import clamped, warped_residual
 from rsibr.methods.warp_blend.blend import WEIGHTS, Mixture, triangle_mix
 from rsibr.methods.warp_blend.source_maps import SourceMaps
-from rsibr.methods.warp_blend.warp import MirrorWarp, Warp
+from rsibr.methods.warp_blend.warp import MirrorWarp
 from rsibr.methods.warp_blend.warp_blend import WarpBlend
 
 
@@ -54,6 +55,8 @@ class ResidualMethod(WarpBlend):
     albedo: LobeAlbedo = field(kw_only=True)
     uses_maps: bool = True
     keeps_negatives: bool = False
+    carries_mirror: bool = True
+    delta_lights: DeltaLightLobes | None = None
 
     def image(self, columns: mi.Float, resolution: int) -> mi.Float:
         """Texels of a map; see `WarpBlend.image`."""
@@ -67,7 +70,7 @@ class ResidualMethod(WarpBlend):
         p = texel_centre(texel, resolution)
 
         def shaded(n: mi.Vector3f, middle: mi.Vector3f) -> mi.Vector4f:
-            radiance = self._predicted(middle, frame, tables, resolution)
+            radiance = self._whole_prediction(middle, frame, tables, resolution)
             if toward is not None:
                 radiance += self._residual(toward, n, self.albedo.at(middle.z), radiance)
             return as_rgba(self._finished(radiance))
@@ -84,6 +87,8 @@ class ResidualMethod(WarpBlend):
         frame = frame_of(v)
         local = frame.T @ n
         radiance = self._predicted_at(n, v, local.z)
+        if self.delta_lights is not None:
+            radiance += self.delta_lights.radiance(n, v)
         if self.uses_maps:
             radiance += self._residual(self._toward(frame), local, self.albedo.at(local.z), radiance)
         return self._finished(radiance)
@@ -94,7 +99,7 @@ class ResidualMethod(WarpBlend):
         Parameters
         ----------
         radiance : ndarray, shape (N, N, 3)
-            Stored map S [W sr⁻¹ m⁻²].
+            Stored map S [W sr⁻¹ m⁻²]; without the layer of the delta lobe if that is not carried.
         frame : ndarray, shape (3, 3)
             Its frame, columns x, y, v.
 
@@ -110,15 +115,31 @@ class ResidualMethod(WarpBlend):
         n = normal_from_disk(covered_middle(texel_centres(resolution), resolution))
         tables = self._map_tables(matrix, resolution)
         dr.eval(tables)
-        predicted, albedo = self._predicted(n, matrix, tables, resolution), self.albedo.at(n.z)
-        p, e = (np.array(colour).T.reshape(radiance.shape) for colour in (predicted, albedo))
+        predicted, albedo = (
+            self._whole_prediction(n, matrix, tables, resolution, self.carries_mirror),
+            self.albedo.at(n.z),
+        )
+        every = dr.zeros(mi.Color3f, resolution**2)  # a prediction of nothing is a literal zero of one lane
+        p, e = (np.array(colour + every).T.reshape(radiance.shape) for colour in (predicted, albedo))
         return np.asarray((radiance - p) / e, dtype=np.float32)
 
+    def _toward(self, frame: mi.Matrix3f) -> tuple[Mixture, list[MirrorWarp]]:
+        mixture = self.mix(self._sphere, self.sources, view_of(frame))
+        return mixture, [MirrorWarp.between(stored, frame) for stored in mixture.views]
+
     def _residual(
-        self, toward: tuple[Mixture, list[Warp]], n: mi.Vector3f, albedo: mi.Color3f, predicted: mi.Color3f
+        self, toward: tuple[Mixture, list[MirrorWarp]], n: mi.Vector3f, albedo: mi.Color3f, predicted: mi.Color3f
     ) -> mi.Color3f:
         residual = albedo * warped_residual(self.sources, *toward, n)
         return residual if self.keeps_negatives else clamped(residual, predicted, toward[0])
+
+    def _whole_prediction(
+        self, n: mi.Vector3f, frame: mi.Matrix3f, tables: Any, resolution: int, mirror: bool = True
+    ) -> mi.Color3f:
+        radiance = self._predicted(n, frame, tables, resolution, mirror=mirror)
+        if self.delta_lights is None:
+            return radiance
+        return radiance + self.delta_lights.mean_over_texel(n, frame, mi.Float(2 / resolution))
 
     def _finished(self, radiance: mi.Color3f) -> mi.Color3f:
         return radiance if self.keeps_negatives else dr.maximum(radiance, 0)
@@ -127,12 +148,17 @@ class ResidualMethod(WarpBlend):
         """Return the arrays in which the prediction of a map is looked up, not yet evaluated."""
         raise NotImplementedError
 
-    def _predicted(self, n: mi.Vector3f, frame: mi.Matrix3f, tables: Any, resolution: int) -> mi.Color3f:
-        """Prediction P [W sr⁻¹ m⁻²] for texels with normals `n` in the map's frame."""
+    def _predicted(
+        self, n: mi.Vector3f, frame: mi.Matrix3f, tables: Any, resolution: int, *, mirror: bool = True
+    ) -> mi.Color3f:
+        """Prediction P [W sr⁻¹ m⁻²] for texels with normals `n` in the map's frame, without delta lights.
+
+        With `mirror` false, without the delta lobe either.
+        """
         raise NotImplementedError
 
     def _predicted_at(self, n: mi.Vector3f, v: mi.Vector3f, cosine: mi.Float) -> mi.Color3f:
-        """Prediction P [W sr⁻¹ m⁻²] for pairs of normal and view in world coordinates; `cosine` is n·v."""
+        """Prediction P [W sr⁻¹ m⁻²] for pairs of normal and view, without delta lights; `cosine` is n·v."""
         raise NotImplementedError
 
 
@@ -166,6 +192,18 @@ class ResidualOptions:
         """Sampling density of a delta lobe: `EXACT` where no residual corrects it, otherwise `ROUGH`."""
         return ROUGH if self.carries else EXACT
 
+    @property
+    def separate_mirror(self) -> str | None:
+        """Name of the delta lobe if every map used here stores it as a layer of its own; None if it is carried along.
+
+        It is carried if it is all that is asked for: then nothing else is stored, or single lobes are compared.
+        """
+        others = [lobe for lobe in self.inputs.lobes if not self.inputs.shapes[lobe.name][0].is_mirror]
+        mirrors = [lobe for lobe in self.inputs.lobes if self.inputs.shapes[lobe.name][0].is_mirror]
+        if not mirrors or not others or (self.lobe and self.lobe != mirrors[0].name):
+            return None
+        return mirrors[0].name if mirrors[0].views is None else None
+
     def __str__(self) -> str:
         """Return the suffix of the method's name: `/lobe` for a single lobe."""
         return f"/{self.lobe}" if self.lobe else ""
@@ -190,7 +228,7 @@ def residual_method(kind: type[_M], name: str, options: ResidualOptions, weights
     **own
         Fields that `kind` adds to `ResidualMethod`.
     """
-    inputs, lobe = options.inputs, options.lobe
+    inputs, lobe, mirror = options.inputs, options.lobe, options.separate_mirror
     made = kind(
         f"{name}{options}",
         inputs.first_views(inputs.stored_count(lobe)),
@@ -199,10 +237,14 @@ def residual_method(kind: type[_M], name: str, options: ResidualOptions, weights
         MirrorWarp.between,
         albedo=LobeAlbedo.of(np.sum([np.array(record.albedo) for record in inputs.lobes], axis=0)),
         uses_maps=options.carries,
+        carries_mirror=mirror is None,
         keeps_negatives=lobe is not None or inputs.bake.rendering != "rgb",
+        delta_lights=DeltaLightLobes.of(inputs.light, [one for one in inputs.lobes if lobe in (None, one.name)]),
         **own,
     )
     if options.carries:
-        residuals = [made.residual_of(inputs.image(m, lobe), m.frame) for m in inputs.stored(lobe)]
+        without = [np.float32(0) if mirror is None else inputs.image(m, mirror) for m in inputs.stored(lobe)]
+        seen = zip(inputs.stored(lobe), without, strict=True)
+        residuals = [made.residual_of(inputs.image(m, lobe) - mirrored, m.frame) for m, mirrored in seen]
         made.sources = inputs.on_device(residuals)
     return made

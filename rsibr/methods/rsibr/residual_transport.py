@@ -7,7 +7,7 @@ import mitsuba as mi
 
 from rsibr.methods.warp_blend.blend import Mixture
 from rsibr.methods.warp_blend.source_maps import SourceMaps
-from rsibr.methods.warp_blend.warp import Warp
+from rsibr.methods.warp_blend.warp import MirrorWarp
 
 BRIGHTEST = 1.0
 """Upper bound of residual over prediction far from all stored views; it grows as 1/(1 − w) toward a stored view."""
@@ -16,7 +16,7 @@ _LEAST_COSINE = 1e-6
 _AT_A_STORED_VIEW = 1e-4  # 1 − w below which a view counts as stored
 
 
-def warped_residual(sources: SourceMaps, mixture: Mixture, warps: list[Warp], n: mi.Vector3f) -> mi.Color3f:
+def warped_residual(sources: SourceMaps, mixture: Mixture, warps: list[MirrorWarp], n: mi.Vector3f) -> mi.Color3f:
     """Σ_i w_i c_i² ρ_i² R_i(p_i) / Σ_i w_i c_i² at the surface normal `n` of the new view.
 
     A residual R_i = (S_i − P_i)/E is weighted by w_i c_i²: the weight w_i of its view and the cosine c_i of the surface
@@ -30,7 +30,7 @@ def warped_residual(sources: SourceMaps, mixture: Mixture, warps: list[Warp], n:
         Residuals divided by the albedo.
     mixture : Mixture
         Stored views and their weights.
-    warps : list of Warp
+    warps : list of MirrorWarp
         Warp to each of them.
     n : mi.Vector3f
         Unit normals in the new view's frame.
@@ -43,11 +43,11 @@ def warped_residual(sources: SourceMaps, mixture: Mixture, warps: list[Warp], n:
     residual, total = mi.Color3f(0), mi.Float(0)
     here = dr.maximum(n.z, _LEAST_COSINE)
     for stored, weight, warp in zip(mixture.views, mixture.weights, warps, strict=True):
-        p, _ = warp(n)
-        there = dr.maximum(dr.sqrt(dr.maximum(1 - dr.squared_norm(p), 0)), _LEAST_COSINE)
+        normal = warp.normal(n)
+        there = dr.maximum(normal.z, _LEAST_COSINE)
         overlap = dr.minimum(here, there) / dr.maximum(here, there)
         trusted = weight * there * there
-        residual += trusted * overlap * overlap * sources.fetch(stored.index, p)
+        residual += trusted * overlap * overlap * sources.fetch(stored.index, mi.Point2f(normal.x, normal.y))
         total += trusted
     return residual * (1 / total)
 

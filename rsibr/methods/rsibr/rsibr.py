@@ -75,14 +75,17 @@ class Rsibr(ResidualMethod):
     def _map_tables(self, frame: mi.Matrix3f, resolution: int) -> mi.Float:
         return self._lobes[resolution].gathered(frame)
 
-    def _predicted(self, n: mi.Vector3f, frame: mi.Matrix3f, tables: mi.Float, resolution: int) -> mi.Color3f:
-        return self._lobes[resolution].radiance(n, frame, tables, mi.Float(2 / resolution))
+    def _predicted(
+        self, n: mi.Vector3f, frame: mi.Matrix3f, tables: mi.Float, resolution: int, *, mirror: bool = True
+    ) -> mi.Color3f:
+        return self._lobes[resolution].radiance(n, frame, tables, mi.Float(2 / resolution), mirror)
 
 
 @register(
     "rsibr",
     summary="prediction of all lobes from the environment, plus warped residuals of the stored maps",
     needs=Needs(light=True, lobes=True),
+    sees_delta_lights=True,
     role="default",
     rank=50,
 )

@@ -37,10 +37,18 @@ class RsibrFine(ResidualMethod):
         return [integral.grid(frame) if integral.has_grid else None for integral, _ in self.lobes]
 
     def _predicted(
-        self, n: mi.Vector3f, frame: mi.Matrix3f, tables: list[PolarGrid | None], resolution: int
+        self,
+        n: mi.Vector3f,
+        frame: mi.Matrix3f,
+        tables: list[PolarGrid | None],
+        resolution: int,
+        *,
+        mirror: bool = True,
     ) -> mi.Color3f:
         radiance = mi.Color3f(0)
         for (integral, albedo), grid in zip(self.lobes, tables, strict=True):
+            if integral.mirrored is not None and not mirror:
+                continue
             radiance += albedo.at(n.z) * integral.radiance_in_map(n, frame, grid, mi.Float(2 / resolution))
         return radiance
 
@@ -49,6 +57,7 @@ class RsibrFine(ResidualMethod):
     "rsibr-fine",
     summary="rsibr with every lobe integrated per texel: more accurate, many times slower",
     needs=Needs(light=True, lobes=True),
+    sees_delta_lights=True,
     rank=60,
 )
 def rsibr_fine(

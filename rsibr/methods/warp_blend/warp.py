@@ -91,16 +91,22 @@ class MirrorWarp:
         """Point of the stored map with the mirror direction `r`, a unit vector in the destination's frame."""
         return disk_from_reflection(self.rotation @ r)
 
+    def normal(self, n: mi.Vector3f) -> mi.Vector3f:
+        """Unit normal of the stored map with the mirror direction of `n`, in the frame of the stored map.
+
+        Its z is the cosine under which the stored view sees it. √(1 − x² − y²) would be rounding noise at the rim.
+        """
+        # It bisects v_s and the mirror direction r = 2(n·v)n − v. Written as 2(n·v)n + (v_s − v), r + v_s has no
+        # cancellation and is parallel to n where the views coincide. On the rim of that view, where n·v is 0 or
+        # slightly negative by rounding, n itself remains.
+        half = dr.fma(self.rotation @ n, dr.maximum(2 * n.z, 1e-9), self.shift)
+        return half * dr.rsqrt(dr.maximum(dr.squared_norm(half), 1e-30))
+
     def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
         """See `Warp`."""
-        # The normal in the stored map bisects v_s and the mirror direction r = 2(n·v)n − v. Written as
-        # 2(n·v)n + (v_s − v), r + v_s has no cancellation and is parallel to n where the views coincide. On the rim of
-        # that view, where n·v is 0 or slightly negative by rounding, n itself remains.
-        half = dr.fma(self.rotation @ n, dr.maximum(2 * n.z, 1e-9), self.shift)
-        shrink = dr.rsqrt(dr.maximum(dr.squared_norm(half), 1e-30))
-        away = mi.Point2f(n.x, n.y) - self.singular
+        stored, away = self.normal(n), mi.Point2f(n.x, n.y) - self.singular
         confidence = dr.minimum(dr.norm(away) * (1 / FADE_RADIUS), 1) + LEAST_CONFIDENCE
-        return mi.Point2f(half.x * shrink, half.y * shrink), confidence
+        return mi.Point2f(stored.x, stored.y), confidence
 
 
 @dataclass

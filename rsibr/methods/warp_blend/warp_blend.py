@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -102,12 +102,12 @@ class WarpBlend:
         texel = tiled_texels(resolution)
         return laid_out(self._texels(texel, resolution, mixture, warps), texel, resolution)
 
-    def _toward(self, frame: mi.Matrix3f) -> tuple[Mixture, list[Warp]]:
+    def _toward(self, frame: mi.Matrix3f) -> tuple[Mixture, Sequence[Warp]]:
         """Sources of the view of `frame`, and the warps to them."""
         mixture = self.mix(self._sphere, self.sources, view_of(frame))
         return mixture, [self.warp(stored, frame) for stored in mixture.views]
 
-    def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Vector4f:
+    def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: Sequence[Warp]) -> mi.Vector4f:
         def shaded(n: mi.Vector3f) -> mi.Vector4f:
             return as_rgba(blended(self.sources, mixture, [warp(n) for warp in warps]))
 
@@ -149,7 +149,7 @@ class MeshWarpBlend(WarpBlend):
                 dr.eval(self._corners_of[resolution])
         self._corners = self._corners_of[resolution]
 
-    def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: list[Warp]) -> mi.Vector4f:
+    def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: Sequence[Warp]) -> mi.Vector4f:
         p = texel_centre(texel, resolution)
         n = normal_from_disk(self.mesh.vertex(dr.arange(mi.UInt32, self.mesh.vertex_count)))
         vertices = [_packed(*warp(n)) for warp in warps]
