@@ -23,7 +23,7 @@ from rsibr.planning.costs import priced
 from rsibr.planning.plan import Plan
 from rsibr.progress import Progress
 from rsibr.scene.config import ConfigLike, config_of
-from rsibr.scene.material import ANISOTROPIC, Material
+from rsibr.scene.material import ANISOTROPIC, VARYING, Material
 from rsibr.store.bake import Bake, BakeWriter, open_bake
 from rsibr.store.layers import layered
 from rsibr.store.manifest import (
@@ -163,7 +163,7 @@ def plan_manifest(
 
 def _notes(material: Material, plan: Plan) -> tuple[str, ...]:
     """Properties of the material that no warp reproduces; shown by the bake and by every report on it."""
-    found = {"retroreflection": RETROREFLECTIVE, "anisotropy": ANISOTROPIC}
+    found = {"retroreflection": RETROREFLECTIVE, "anisotropy": ANISOTROPIC, "spatial_variation": VARYING}
     flagged = [note for name, note in found.items() if plan[name].missed]
     return tuple(dict.fromkeys([*material.notes, *flagged]))  # no duplicates: Mitsuba may report anisotropy too
 

@@ -9,9 +9,11 @@ from typing import Any
 from xml.etree import ElementTree
 
 import mitsuba as mi
+import numpy as np
 
 import rsibr.scene.paint.car_paint  # noqa: F401  # registers its plugin
 from rsibr.errors import InputError
+from rsibr.scene import blend
 from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files, named_types
 from rsibr.scene.python_plugins import sources_of
 
@@ -21,6 +23,8 @@ BsdfSource = dict[str, Any] | Path
 NESTED: Mapping[str, tuple[int, int]] = {"blendbsdf": (2, 2), "twosided": (1, 2), "mask": (1, 1)}
 """Least and largest number of nested BSDFs of a wrapper. A `blendbsdf` without any crashes Mitsuba."""
 
+_PLASTICS = ("plastic", "roughplastic", "pplastic")
+_PLASTIC_COLOURS = ("diffuse_reflectance", "specular_reflectance")
 _TEXTURES = ("bitmap", "checkerboard", "mesh_attribute", "volume")
 _FIX = "see the BSDFs in Mitsuba's plugin reference"
 
@@ -47,6 +51,7 @@ def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
         state = _parse(source, where)
         _check_nodes(state, where)
         _root_at_bsdf(state, where)
+        _replace_plugins(state)
         return mi.parser.instantiate(_parser_config(), state)
 
 
@@ -114,6 +119,30 @@ def _root_at_bsdf(state: mi.parser.ParserState, where: str) -> None:
     if len(top) != 1:
         raise InputError(f"the scene holds {len(top)} BSDFs, not one", where=where, fix="leave exactly one in it")
     state.nodes[0] = state.nodes[top[0]]
+
+
+def _replace_plugins(state: mi.parser.ParserState) -> None:
+    """Put plugins that are right in place of those of Mitsuba that are not."""
+    for node in state.nodes:
+        name = node.props.plugin_name()
+        if name == "blendbsdf":
+            node.props.set_plugin_name(blend.PLUGIN)
+        elif name in _PLASTICS and all(_is_black(node.props, key) for key in _PLASTIC_COLOURS):
+            # Mitsuba chooses a component by 0/0. Other parameters are dropped with the plugin that reads them
+            for key in list(node.props.keys()):
+                node.props.remove_property(key)
+            node.props.set_plugin_name("diffuse")
+            node.props["reflectance"] = mi.ScalarColor3d(0)
+
+
+def _is_black(props: mi.Properties, key: str) -> bool:
+    """Whether a colour is written as zero; a colour that a texture gives is not looked at."""
+    if not props.has_property(key):
+        return False
+    kind, types = props.type(key), mi.Properties.Type
+    if kind == types.Spectrum:
+        return not any(props[key].values)
+    return kind in (types.Float, types.Integer, types.Color) and not np.array(props[key]).any()
 
 
 def _require_bsdf(node: mi.parser.SceneNode, where: str) -> None:

@@ -23,6 +23,7 @@ _REWRITES = (
     (r"failed to instantiate \w+ plugin of type (\"[^\"]*\"):", r"\1:"),
     (r"\[[A-Z]\w+\]\s*", ""),  # the class that raised it
     (r"Traceback \(most recent call last\):.*?(?=\b\w*Error: )\w*Error: ", ""),  # of a plugin of rsibr
+    (r"rsibr_blendbsdf", "blendbsdf"),  # rsibr's own in its place
     (r"^std::bad_alloc$", "it does not fit into the memory"),
 )
 _VECTOR_FOR_COLOUR = "got vector"
