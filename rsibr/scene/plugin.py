@@ -13,6 +13,11 @@ from typing import Any
 from rsibr.errors import InputError
 
 _REWRITES = (
+    (  # an included file, which may be any file of the machine: named, not quoted
+        r"while processing <include>:.*Error while loading (XML file )?"
+        r"\"?(?P<file>[^\s\"]+)\"?(?P<line> \(line[^)]*\))?:.*",
+        r"includes \g<file>, which Mitsuba does not read\g<line>",
+    ),
     (r"\[\w+\.(cpp|h):\d+\]\s*", ""),  # location in Mitsuba's sources
     (
         r"^(At|(Error )?[Ww]hile loading) (dictionary node \"[^\"]*\"|.*?(?= \(line ))(?P<line> \(line[^)]*\))?:\s*",
