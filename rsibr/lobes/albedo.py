@@ -78,7 +78,8 @@ def _albedos(material: Lobed, wo: mi.Vector3f, wi: mi.Vector3f, points: int) -> 
 
 def mirror_albedo(bsdf: mi.BSDF) -> NDArray[np.float64]:
     """Reflectance of the delta lobe by view angle in RGB rendering, shape (NODES, 3)."""
-    return np.array(delta_reflectance(bsdf), dtype=np.float64).reshape(3, -1).T
+    values = np.array(delta_reflectance(bsdf), dtype=np.float64).reshape(3, -1).T
+    return np.array(np.broadcast_to(values, (NODES, 3)))  # a BSDF may return one lane for all
 
 
 def delta_reflectance(bsdf: mi.BSDF, wavelengths: mi.Spectrum | None = None) -> mi.UnpolarizedSpectrum:

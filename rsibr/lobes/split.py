@@ -98,8 +98,13 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
 
     @classmethod
     def of(cls, bsdf: mi.BSDF) -> LobeSplit:
-        """Fit the proxies to the BSDF; see `rsibr.lobes.fit`."""
-        return cls(bsdf, fit_lobes(bsdf) if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) else [])
+        """Fit the proxies to the BSDF; see `rsibr.lobes.fit`. Beside a mirror, a smooth part that is black has none."""
+        flags, kinds = bsdf.flags(), mi.BSDFFlags
+        if not mi.has_flag(flags, kinds.Smooth):
+            return cls(bsdf, [])
+        proxies = fit_lobes(bsdf)
+        is_black = not any(colours.any() for proxy in proxies for colours in proxy.coefficients)
+        return cls(bsdf, [] if is_black and mi.has_flag(flags, kinds.DeltaReflection) else proxies)
 
     def of_variant(self, bsdf: mi.BSDF) -> LobeSplit:
         """Return the same split for the same material, loaded in the current variant of Mitsuba."""
@@ -171,6 +176,8 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
             Non-negative, sum 1 in each channel. Where the BRDF is 0, the share of the first component is 1; where all
             proxies of a component are 0, that of its first proxy.
         """
+        if not self._proxies:
+            return []
         found = [mi.Color3f(0)] * len(self._proxies)
         for share, members in zip(self._component_shares(wi, interaction(wo)), self._members.values(), strict=True):
             for member, part in zip(members, self._parts(members, wi, wo), strict=True):
