@@ -20,6 +20,7 @@ from rsibr.planning.material_probe import probe_material
 from rsibr.scene.config import MaterialConfig
 from rsibr.scene.material import load_material
 from rsibr.scene.mitsuba_bsdf import load_bsdf
+from rsibr.scene.python_plugins import load_plugins
 from rsibr.scene.spectra import found_spectra
 from tests.faults.cases import case
 
@@ -160,6 +161,55 @@ def test_a_plastic_that_reflects_nothing_is_black_and_draws_no_nan(kind):
     assert not np.any(sampled(black, 0.5))
     half = sampled(load_bsdf(blend(0.5, {"type": kind} | zero, COPPERY), "here"), 0.5)
     assert half[0] == pytest.approx(0.5 * np.array([1.0, 0.7, 0.3]), rel=1e-3)
+
+
+def test_a_black_base_beside_a_mirror_gets_no_lobe():
+    """An empty matte lobe made every reconstruction of a plastic without diffuse reflection black."""
+    assert LobeSplit.of(load_bsdf(PLASTIC | {"diffuse_reflectance": 0.0}, "here")).names == ["mirror"]
+    assert LobeSplit.of(load_bsdf(blend(0.0, COPPERY, MATTE), "here")).names == ["mirror"]
+    assert LobeSplit.of(load_bsdf({"type": "diffuse", "reflectance": 0.0}, "here")).names == ["diffuse"]
+
+
+# ---- A texture of one's own, which no name gives away ----
+
+TEXTURE = """
+import drjit as dr
+import mitsuba as mi
+
+
+class Stripes(mi.Texture):
+    def __init__(self, props):
+        super().__init__(props)
+
+    def eval(self, si, active=True):
+        return mi.Color3f(0.5 + 0.4 * dr.sin(6 * dr.pi * si.uv.x))
+
+    def mean(self):
+        return mi.Float(0.5)
+
+    def to_string(self):
+        return "Stripes"
+
+
+mi.register_texture("stripes", Stripes)
+"""
+
+
+def test_a_texture_in_python_is_flagged_and_refused_on_a_mirror(tmp_path):
+    module = tmp_path / "stripes.py"
+    module.write_text(TEXTURE)
+    load_plugins([str(module)])
+    scene = Scene.prepare(
+        {
+            "environment": {"emitter": {"type": "constant"}},
+            "material": {"bsdf": {"type": "diffuse", "reflectance": {"type": "stripes"}}},
+            "map": {"resolution": 8},
+        }
+    )
+    assert scene.plan["spatial_variation"].missed
+    assert scene.plan.needs_views  # no closed form, though the sky is constant
+    with pytest.raises(InputError, match="mirror that differs from place to place"):
+        load_material(MaterialConfig(bsdf={"type": "conductor", "specular_reflectance": {"type": "stripes"}}))
 
 
 # ---- Files that an XML names ----
