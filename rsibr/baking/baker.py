@@ -24,7 +24,7 @@ from rsibr.planning.costs import priced
 from rsibr.planning.plan import Plan
 from rsibr.progress import Progress
 from rsibr.scene.config import ConfigLike, config_of
-from rsibr.scene.material import ANISOTROPIC, Material
+from rsibr.scene.material import ANISOTROPIC, VARYING, Material
 from rsibr.store.bake import Bake, BakeWriter, open_bake
 from rsibr.store.layers import layered
 from rsibr.store.manifest import (
@@ -194,7 +194,7 @@ def plan_manifest(
 
 def _notes(material: Material, plan: Plan, delta_light: bool) -> tuple[str, ...]:
     """Properties of the material that no warp reproduces; shown by the bake and by every report on it."""
-    found = {"retroreflection": RETROREFLECTIVE, "anisotropy": ANISOTROPIC}
+    found = {"retroreflection": RETROREFLECTIVE, "anisotropy": ANISOTROPIC, "spatial_variation": VARYING}
     flagged = [note for name, note in found.items() if plan[name].missed]
     if delta_light and plan["mirror"].on:
         flagged.append(NO_GLINT)

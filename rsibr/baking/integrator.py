@@ -22,8 +22,10 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.baking.lattice import MAX_POINTS, ShiftedLattice
 from rsibr.geometry.projections.sphere_map import normal_from_disk, stored_coverage
+from rsibr.geometry.sphere_interaction import sphere_interaction
 from rsibr.geometry.to_device import to_device
 from rsibr.lobes.split import LobeSplit
+from rsibr.scene.sampling_density import sound_density
 from rsibr.scene.wavelengths import Wavelengths
 
 MAX_LANES = 2**22
@@ -251,17 +253,17 @@ class SphereIntegrator:
     def _reflected(self, n: mi.Vector3f, v: mi.Vector3f, points: ShiftedLattice) -> list[mi.Color3f]:
         """One sample of L_r = ∫ f L_i cos θ dω for each lobe, by emitter and BSDF sampling with MIS weights."""
         wavelengths = Wavelengths.drawn(points.of_wavelengths)
-        si = _interaction(n, v, wavelengths)
+        si = sphere_interaction(n, v, wavelengths.nm)
         lobes = [mi.Color3f(0) for _ in self.lobe_names]
         # ---- Emitter sampling ----
         if self._samples_light:
             radiance, wi = self._from_light(si, points)
-            sample = self._lobes(radiance * wavelengths.weight, wi, si.wi, False, wavelengths)
+            sample = self._lobes(radiance * wavelengths.weight, wi, si, False, wavelengths)
             lobes = [a + b for a, b in zip(lobes, sample, strict=True)]
         # ---- BSDF sampling ----
         if self._samples_bsdf:
             radiance, wi, is_delta = self._from_bsdf(si, points)
-            sample = self._lobes(radiance * wavelengths.weight, wi, si.wi, is_delta, wavelengths)
+            sample = self._lobes(radiance * wavelengths.weight, wi, si, is_delta, wavelengths)
             lobes = [a + b for a, b in zip(lobes, sample, strict=True)]
         return lobes
 
@@ -269,13 +271,13 @@ class SphereIntegrator:
         self,
         radiance: mi.UnpolarizedSpectrum,
         wi: mi.Vector3f,
-        wo: mi.Vector3f,
+        si: mi.SurfaceInteraction3f,
         is_delta: mi.Bool | bool,
         wavelengths: Wavelengths,
     ) -> list[mi.Color3f]:
         if self._split is None:
             return [wavelengths.seen(radiance)]
-        lobes = self._split.split(radiance, wi, wo, is_delta, wavelengths)
+        lobes = self._split.split(radiance, wi, si, is_delta, wavelengths)
         return [lobes[k] for k in self._kept]
 
     def _clamped(self, lobes: list[mi.Color3f]) -> list[mi.Color3f]:
@@ -294,7 +296,7 @@ class SphereIntegrator:
         light, weight = self._light.sample_emitter_direction(si, points.toward_light(), test_visibility=False)
         wi = si.to_local(light.d)
         value, pdf = self._bsdf.eval_pdf(mi.BSDFContext(), si, wi)
-        share = light.pdf / (light.pdf + pdf) if self._samples_bsdf else mi.Float(1)
+        share = light.pdf / (light.pdf + sound_density(value, pdf)) if self._samples_bsdf else mi.Float(1)
         radiance = _intensity(si, value, wi, weight) * dr.select(light.delta, 1, share)
         # A density of zero means no sample. NaN is kept, so that the health check counts it
         return dr.select(~(light.pdf <= 0), radiance, 0), wi
@@ -323,14 +325,3 @@ def _intensity(
     if not mi.is_polarized:
         return value * light
     return mi.unpolarized_spectrum(si.to_world_mueller(value, -wi, si.wi) * light)
-
-
-def _interaction(n: mi.Vector3f, v: mi.Vector3f, wavelengths: Wavelengths) -> mi.SurfaceInteraction3f:
-    """Make the surface interaction of a point with normal `n`, seen from `v`."""
-    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(n))
-    si.t = 1.0
-    si.n = mi.Normal3f(n)
-    si.sh_frame = mi.Frame3f(n)
-    si.wi = si.to_local(v)
-    si.wavelengths = wavelengths.nm
-    return si

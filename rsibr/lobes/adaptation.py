@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.backend import Rendering
+from rsibr.geometry.sphere_interaction import interaction
 from rsibr.geometry.to_device import to_device
 from rsibr.lobes.albedo import albedo_tables, delta_reflectance, over_disk
-from rsibr.lobes.bsdf_eval import interaction
 from rsibr.lobes.low_discrepancy import device_square
 from rsibr.lobes.split import Lobe, LobeSplit
 from rsibr.scene.environment import Environment
@@ -110,8 +110,9 @@ class _InSpectra:
         """BRDF times cosine [sr⁻¹] of each lobe that is not a delta lobe."""
 
         def seen(observed: _Observed) -> list[mi.Color3f]:
-            value = mi.unpolarized_spectrum(self.bsdf.eval(mi.BSDFContext(), interaction(wo, observed.nm), wi))
-            return self.split.split(value, wi, wo, False, observed)[: self.count]
+            si = interaction(wo, observed.nm)
+            value = mi.unpolarized_spectrum(self.bsdf.eval(mi.BSDFContext(), si, wi))
+            return self.split.split(value, wi, si, False, observed)[: self.count]
 
         return self._summed(seen, self.count)
 

@@ -9,8 +9,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.sphere_interaction import interaction
 from rsibr.geometry.to_device import to_device
-from rsibr.lobes.bsdf_eval import interaction
+from rsibr.lobes.bsdf_eval import only
 from rsibr.lobes.low_discrepancy import device_square
 from rsibr.lobes.microfacet import ggx_density
 
@@ -77,17 +78,27 @@ def _albedos(material: Lobed, wo: mi.Vector3f, wi: mi.Vector3f, points: int) -> 
 
 def mirror_albedo(bsdf: mi.BSDF) -> NDArray[np.float64]:
     """Reflectance of the delta lobe by view angle in RGB rendering, shape (NODES, 3)."""
-    return np.array(delta_reflectance(bsdf), dtype=np.float64).reshape(3, -1).T
+    values = np.array(delta_reflectance(bsdf), dtype=np.float64).reshape(3, -1).T
+    return np.array(np.broadcast_to(values, (NODES, 3)))  # a BSDF may return one lane for all
 
 
 def delta_reflectance(bsdf: mi.BSDF, wavelengths: mi.Spectrum | None = None) -> mi.UnpolarizedSpectrum:
-    """Reflectance of the delta lobe at the nodes; in spectral rendering at `wavelengths` [nm]."""
+    """Reflectance of all delta components together at the nodes; in spectral rendering at `wavelengths` [nm]."""
     cosines = mi.Float(node_cosines().astype(np.float32))
-    context = mi.BSDFContext()
-    context.type_mask = int(mi.BSDFFlags.DeltaReflection)
     wo = mi.Vector3f(dr.sqrt(dr.maximum(1 - cosines * cosines, 0)), 0, cosines)
-    drawn, weight = bsdf.sample(context, interaction(wo, wavelengths), mi.Float(0.5), mi.Point2f(0.5))
-    is_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.DeltaReflection)
+    si = interaction(wo, wavelengths)
+    total = mi.UnpolarizedSpectrum(0)
+    for component in range(bsdf.component_count()):
+        if mi.has_flag(bsdf.flags(component), mi.BSDFFlags.DeltaReflection):
+            total += _delta_weight(bsdf, only(component), si)
+    return total
+
+
+def _delta_weight(bsdf: mi.BSDF, context: mi.BSDFContext, si: mi.SurfaceInteraction3f) -> mi.UnpolarizedSpectrum:
+    """Weight of a sample of the delta component that a context selects: its reflectance, as nothing else is drawn."""
+    context.type_mask = int(mi.BSDFFlags.DeltaReflection)
+    drawn, weight = bsdf.sample(context, si, mi.Float(0.5), mi.Point2f(0.5))
+    is_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.DeltaReflection) & (drawn.pdf > 0)
     return dr.select(is_delta, mi.unpolarized_spectrum(weight), 0)
 
 

@@ -2,34 +2,14 @@
 
 from __future__ import annotations
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.sphere_interaction import interaction
+
 RETRO_RATIO = 1.5
 """Threshold of `retro_ratio` above which a material counts as retroreflective."""
-
-
-def interaction(wo: mi.Vector3f, wavelengths: mi.Spectrum | None = None) -> mi.SurfaceInteraction3f:
-    """Surface interaction with the normal +z, seen from `wo`.
-
-    Parameters
-    ----------
-    wo : mi.Vector3f
-        Unit directions to the viewer in the surface's frame. Mitsuba, which traces paths from the camera, calls this
-        direction `wi`.
-    wavelengths : mi.Spectrum, optional
-        Wavelengths [nm] of each lane, in spectral rendering.
-    """
-    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(wo))
-    if wavelengths is not None:
-        si.wavelengths = wavelengths
-    si.t = 1.0
-    si.n = mi.Normal3f(0, 0, 1)
-    si.sh_frame = mi.Frame3f(mi.Vector3f(0, 0, 1))
-    si.wi = wo
-    return si
 
 
 def only(component: int) -> mi.BSDFContext:

@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.lobes.bsdf_eval import interaction, only, reflected
+from rsibr.lobes.bsdf_eval import only, reflected
 
 LEAST_SHARE = 5e-3
 """Share of the reflected energy below which a component or cluster gets no lobe of its own."""
@@ -49,8 +49,7 @@ def component_shares(
     bsdf: mi.BSDF,
     components: list[int],
     wi: mi.Vector3f,
-    wo: mi.Vector3f,
-    wavelengths: mi.Spectrum | None = None,
+    si: mi.SurfaceInteraction3f,
 ) -> list[mi.UnpolarizedSpectrum]:
     """Share f_i/f of each component in the BSDF.
 
@@ -60,10 +59,10 @@ def component_shares(
         The material.
     components : list of int
         From `told_apart`.
-    wi, wo : mi.Vector3f
-        Unit directions to the light and to the viewer in the surface's frame.
-    wavelengths : mi.Spectrum, optional
-        Wavelengths [nm] of each lane, in spectral rendering.
+    wi : mi.Vector3f
+        Unit directions to the light in the surface's frame.
+    si : mi.SurfaceInteraction3f
+        Points of the surface, seen from `si.wi`.
 
     Returns
     -------
@@ -71,7 +70,6 @@ def component_shares(
         Non-negative, sum 1 in each channel or at each wavelength. The first component is one minus the others, and 1
         where the BSDF is 0. With polarisation, shares for unpolarised incident light.
     """
-    si = interaction(wo, wavelengths)
     whole = mi.unpolarized_spectrum(bsdf.eval(mi.BSDFContext(), si, wi))
     others = []
     rest = mi.UnpolarizedSpectrum(1)

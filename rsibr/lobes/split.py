@@ -19,9 +19,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.sphere_interaction import interaction
 from rsibr.lobes.albedo import albedo_tables, mirror_albedo
 from rsibr.lobes.basis import LAMBERT, lobe_values
-from rsibr.lobes.bsdf_eval import interaction
 from rsibr.lobes.components import component_shares
 from rsibr.lobes.fit import ProxyLobe, fit_lobes
 from rsibr.scene.wavelengths import Wavelengths
@@ -98,8 +98,13 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
 
     @classmethod
     def of(cls, bsdf: mi.BSDF) -> LobeSplit:
-        """Fit the proxies to the BSDF; see `rsibr.lobes.fit`."""
-        return cls(bsdf, fit_lobes(bsdf) if mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) else [])
+        """Fit the proxies to the BSDF; see `rsibr.lobes.fit`. Beside a mirror, a smooth part that is black has none."""
+        flags, kinds = bsdf.flags(), mi.BSDFFlags
+        if not mi.has_flag(flags, kinds.Smooth):
+            return cls(bsdf, [])
+        proxies = fit_lobes(bsdf)
+        is_black = not any(colours.any() for proxy in proxies for colours in proxy.coefficients)
+        return cls(bsdf, [] if is_black and mi.has_flag(flags, kinds.DeltaReflection) else proxies)
 
     def of_variant(self, bsdf: mi.BSDF) -> LobeSplit:
         """Return the same split for the same material, loaded in the current variant of Mitsuba."""
@@ -117,7 +122,7 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
         self,
         radiance: mi.UnpolarizedSpectrum,
         wi: mi.Vector3f,
-        wo: mi.Vector3f,
+        si: mi.SurfaceInteraction3f,
         is_delta: mi.Bool | bool,
         wavelengths: Wavelengths,
     ) -> list[mi.Color3f]:
@@ -126,9 +131,11 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
         Parameters
         ----------
         radiance : mi.UnpolarizedSpectrum
-            Light from `wi` reflected toward `wo` [W sr⁻¹ m⁻²], times the weights of its wavelengths.
-        wi, wo : mi.Vector3f
-            Unit directions to the light and to the viewer in the surface's frame.
+            Light from `wi` reflected toward the viewer [W sr⁻¹ m⁻²], times the weights of its wavelengths.
+        wi : mi.Vector3f
+            Unit directions to the light in the surface's frame.
+        si : mi.SurfaceInteraction3f
+            Points of the surface; `si.wi` is the direction to the viewer. See `rsibr.geometry.sphere_interaction`.
         is_delta : mi.Bool
             Whether it was reflected by a delta component.
         wavelengths : Wavelengths
@@ -143,10 +150,10 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
             return [wavelengths.seen(radiance)]
         smooth = dr.select(is_delta, 0, radiance) if self._has_mirror else radiance
         found = [mi.Color3f(0)] * len(self._proxies)
-        for share, members in zip(self._component_shares(wi, wo, wavelengths.nm), self._members.values(), strict=True):
+        for share, members in zip(self._component_shares(wi, si), self._members.values(), strict=True):
             # Zero radiance may come with an undefined direction: its shares are not evaluated. A NaN is kept
             seen = wavelengths.seen(dr.select(smooth == 0, 0, smooth * share))
-            for member, part in zip(members, self._parts(members, wi, wo), strict=True):
+            for member, part in zip(members, self._parts(members, wi, si.wi), strict=True):
                 found[member] = dr.select(seen == 0, 0, seen * part)
         return [*found, wavelengths.seen(dr.select(is_delta, radiance, 0))] if self._has_mirror else found
 
@@ -169,19 +176,19 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
             Non-negative, sum 1 in each channel. Where the BRDF is 0, the share of the first component is 1; where all
             proxies of a component are 0, that of its first proxy.
         """
+        if not self._proxies:
+            return []
         found = [mi.Color3f(0)] * len(self._proxies)
-        for share, members in zip(self._component_shares(wi, wo), self._members.values(), strict=True):
+        for share, members in zip(self._component_shares(wi, interaction(wo)), self._members.values(), strict=True):
             for member, part in zip(members, self._parts(members, wi, wo), strict=True):
                 found[member] = share * part
         return found
 
-    def _component_shares(
-        self, wi: mi.Vector3f, wo: mi.Vector3f, nm: mi.Spectrum | None = None
-    ) -> list[mi.UnpolarizedSpectrum]:
+    def _component_shares(self, wi: mi.Vector3f, si: mi.SurfaceInteraction3f) -> list[mi.UnpolarizedSpectrum]:
         components = [component for component in self._members if component is not None]
         if len(components) < 2:
             return [mi.UnpolarizedSpectrum(1)]
-        return component_shares(self._bsdf, components, wi, wo, nm)
+        return component_shares(self._bsdf, components, wi, si)
 
     def _parts(self, members: list[int], wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
         """Shares of the proxies in their component; the first is one minus the others."""

@@ -29,7 +29,8 @@ def flag_effects(material: MaterialProbe) -> Iterator[Effect]:
     )  # fmt: skip
     yield flagged(
         "spatial_variation", material.variation, SAME_ALL_OVER, "relative change of the BRDF over the surface",
-        "a sphere map holds one material: that of one point of the surface", "the material is homogeneous",
+        "the lobes are those of one place, and a warp mixes places: expect larger errors between the views",
+        "the material is homogeneous",
     )  # fmt: skip
 
 

@@ -142,8 +142,8 @@ def closed_form_error(lobe: LobeProbe, left_out: float, light: LightProbe) -> fl
     if lobe.kind == "diffuse":
         # The deviation from Lambert's shape integrates to 0, so that the sky's mean contributes no error
         uneven = min(uneven, min(1.0, light.variance) * lobe.shape_error**2)
-    # An albedo by polar angle cannot represent anisotropy
-    return float(left_out * min(1.0, uneven + lobe.anisotropy**2))
+    # An albedo by polar angle represents neither anisotropy nor a texture
+    return float(left_out * min(1.0, uneven + lobe.anisotropy**2 + lobe.variation**2))
 
 
 def _closed_form(lobe: LobeProbe, light: LightProbe) -> str:

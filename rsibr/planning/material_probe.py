@@ -8,8 +8,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.sphere_interaction import ON_THE_EQUATOR, interaction
 from rsibr.lobes.albedo import over_disk
-from rsibr.lobes.bsdf_eval import interaction, retro_ratio
+from rsibr.lobes.bsdf_eval import retro_ratio
 from rsibr.lobes.low_discrepancy import sobol
 from rsibr.lobes.split import Lobe, LobeSplit
 
@@ -41,8 +42,8 @@ class LobeProbe:
         Relative root mean square deviation from E(θ_o) cos θ_i / π; 0 for a Lambertian lobe.
     kind : {"diffuse", "glossy", "mirror"}
         Selects the warp.
-    anisotropy : float
-        Anisotropy of the whole material without its delta lobe, not of this lobe.
+    anisotropy, variation : float
+        Anisotropy and variation over the surface of the whole material without its delta lobe, not of this lobe.
     """
 
     name: str
@@ -52,6 +53,7 @@ class LobeProbe:
     shape_error: float
     kind: str
     anisotropy: float = 0.0
+    variation: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +109,9 @@ def probe_material(bsdf: mi.BSDF, split: LobeSplit) -> MaterialProbe:
     smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
     drawn = _Draws.of(bsdf) if smooth else None
     shapes = drawn.shape_errors(split) if drawn else []
-    turning = drawn.anisotropy if drawn else 0.0
+    turning, varying = (drawn.anisotropy, drawn.variation) if drawn else (0.0, 0.0)
     lobes = [
-        _lobe(lobe, albedo, *((shapes[k], turning) if k < len(shapes) else (0.0, 0.0)))
+        _lobe(lobe, albedo, *((shapes[k], turning, varying) if k < len(shapes) else (0.0, 0.0, 0.0)))
         for k, lobe in enumerate(split.lobes)
     ]
     mirror = [lobe.albedo for lobe in split.lobes if lobe.is_mirror]
@@ -118,16 +120,16 @@ def probe_material(bsdf: mi.BSDF, split: LobeSplit) -> MaterialProbe:
         albedo=albedo,
         chroma=max([drawn.chroma if drawn else 0.0, *(_spread(table) for table in mirror)]),
         anisotropy=turning,
-        variation=drawn.variation if drawn else 0.0,
+        variation=varying,
         retro_ratio=retro_ratio(bsdf) if smooth else 1.0,
         fresnel=_variation_over_angle(albedo),
     )
 
 
-def _lobe(lobe: Lobe, whole: NDArray[np.float64], shape_error: float, anisotropy: float) -> LobeProbe:
+def _lobe(lobe: Lobe, whole: NDArray[np.float64], shape_error: float, anisotropy: float, variation: float) -> LobeProbe:
     share = float(over_disk(lobe.albedo).sum() / max(over_disk(whole).sum(), 1e-30))
     kind = "mirror" if lobe.is_mirror else "diffuse" if lobe.is_diffuse else "glossy"
-    return LobeProbe(lobe.name, lobe.alpha, over_disk(lobe.albedo), share, shape_error, kind, anisotropy)
+    return LobeProbe(lobe.name, lobe.alpha, over_disk(lobe.albedo), share, shape_error, kind, anisotropy, variation)
 
 
 def _variation_over_angle(albedo: NDArray[np.float64]) -> float:
@@ -217,9 +219,9 @@ def _evaluate(
     """BRDF times cosine of all sets, and the density of the BSDF's sampling, in one kernel launch."""
     turned = [(_turned(wi, angle), _turned(wo, angle)) for angle in (0.0, *TURNS, 0.0)]
     lights, views = (_device(np.concatenate(part)) for part in zip(*turned, strict=True))
-    si = interaction(views)
     place = sobol(2, len(wi), seed=_SEED).astype(np.float32)
-    si.uv = mi.Point2f(np.concatenate([np.full((len(wi) * (len(turned) - 1), 2), 0.5, np.float32), place]).T)
+    fixed = np.tile(np.array(ON_THE_EQUATOR, np.float32), (len(wi) * (len(turned) - 1), 1))
+    si = interaction(views, uv=mi.Point2f(np.concatenate([fixed, place]).T))
     value, pdf = bsdf.eval_pdf(_smooth_only(), si, lights)
     flat = np.broadcast_to(np.array(value, dtype=np.float64).reshape(3, -1).T, (len(turned) * len(wi), 3))
     values = flat.reshape(len(turned), len(wi), 3)

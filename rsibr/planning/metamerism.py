@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
-from rsibr.lobes.bsdf_eval import interaction
+from rsibr.geometry.sphere_interaction import interaction
 from rsibr.scene.spectra import Samples, found_metals, found_spectra
 
 _WHITE = 100.0
@@ -128,9 +128,8 @@ def _head_on(name: str, nm: mi.Spectrum | None = None) -> mi.UnpolarizedSpectrum
 
 def _rgb_of_pigment(samples: Samples) -> NDArray[np.float64]:
     bsdf = mi.load_dict({"type": "diffuse", "reflectance": {"type": "spectrum", "value": samples}})
-    si = dr.zeros(mi.SurfaceInteraction3f)
-    si.wi = mi.Vector3f(0, 0, 1)
-    return np.pi * np.array(bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(0, 0, 1)), dtype=np.float64).ravel()
+    head_on = mi.Vector3f(0, 0, 1)
+    return np.pi * np.array(bsdf.eval(mi.BSDFContext(), interaction(head_on), head_on), dtype=np.float64).ravel()
 
 
 def _rgb_of_light(samples: Samples) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.resources import scenes
 from rsibr.scene.config import MaterialConfig
+from rsibr.scene.delta_direction import require_plain_mirror
 from rsibr.scene.mitsuba_bsdf import BsdfSource, bsdf_digest, load_bsdf
 from rsibr.scene.plugin import require_files
 from rsibr.scene.trial import require_survival, warn_untried
@@ -30,6 +31,8 @@ PRESETS = (
     "solid-red",
 )
 """Names of the materials shipped with rsibr, `scenes/materials/NAME.xml`."""
+
+VARYING = "varies over the surface: lobes are those of one place; expect larger errors between the stored views"
 
 ANISOTROPIC = "anisotropic: sphere maps hold one radiance a normal; expect larger errors between the views"
 
@@ -82,6 +85,8 @@ def load_material(config: MaterialConfig) -> Material:
     bsdf = load_bsdf(source, where)
     warn_untried(untried)
     _require_opaque(bsdf, name, where)
+    if config.preset is None:
+        require_plain_mirror(bsdf, name, where)
     warp = _natural_warp(bsdf) if config.warp == "auto" else config.warp
     return Material(name, bsdf_digest(source, where), warp, _notes(bsdf), source, where)
 

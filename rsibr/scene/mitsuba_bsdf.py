@@ -9,11 +9,15 @@ from typing import Any
 from xml.etree import ElementTree
 
 import mitsuba as mi
+import numpy as np
 
 import rsibr.scene.paint.car_paint  # noqa: F401  # registers its plugin
 from rsibr.errors import InputError
+from rsibr.scene import blend
 from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files, named_types
 from rsibr.scene.python_plugins import sources_of
+from rsibr.scene.spectrum_file import read_spectrum
+from rsibr.scene.xml_files import XmlFiles
 
 BsdfSource = dict[str, Any] | Path
 """Mitsuba BSDF as plain data, or path of its XML file."""
@@ -21,6 +25,8 @@ BsdfSource = dict[str, Any] | Path
 NESTED: Mapping[str, tuple[int, int]] = {"blendbsdf": (2, 2), "twosided": (1, 2), "mask": (1, 1)}
 """Least and largest number of nested BSDFs of a wrapper. A `blendbsdf` without any crashes Mitsuba."""
 
+_PLASTICS = ("plastic", "roughplastic", "pplastic")
+_PLASTIC_COLOURS = ("diffuse_reflectance", "specular_reflectance")
 _TEXTURES = ("bitmap", "checkerboard", "mesh_attribute", "volume")
 _FIX = "see the BSDFs in Mitsuba's plugin reference"
 
@@ -41,13 +47,41 @@ def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
         If it is not well-formed, names an unknown plugin or parameter, is not a BSDF, lacks nested BSDFs, or is
         textured: a sphere map holds one material.
     """
-    folder = source.parent if isinstance(source, Path) else None
     # Names in XML may be undecodable bytes: reading any name can raise
-    with _search_path(folder), mitsuba_errors(where, _FIX):
+    with _checked_files(source, where), mitsuba_errors(where, _FIX):
         state = _parse(source, where)
         _check_nodes(state, where)
         _root_at_bsdf(state, where)
+        _replace_plugins(state)
         return mi.parser.instantiate(_parser_config(), state)
+
+
+def bsdf_data(xml: Path, where: str) -> dict[str, Any]:
+    """Plain data of the BSDF in an XML file, with the values that Mitsuba's parser reads: spectra are tables.
+
+    Raises
+    ------
+    InputError
+        As `load_bsdf`, which also loads it.
+    """
+    with _checked_files(xml, where), mitsuba_errors(where, _FIX):
+        state = _parse(xml, where)
+        _root_at_bsdf(state, where)
+        return _node_data(state, state.root)
+
+
+def _node_data(state: mi.parser.ParserState, node: mi.parser.SceneNode) -> dict[str, Any]:
+    props, types = node.props, mi.Properties.Type
+    data: dict[str, Any] = {"type": props.plugin_name()}
+    for key in list(props.keys()):
+        kind = props.type(key)
+        if kind == types.ResolvedReference:
+            data[key] = _node_data(state, state.nodes[props[key].index()])
+        elif kind == types.Spectrum and (table := props[key]).wavelengths:
+            data[key] = {"type": "spectrum", "value": list(zip(table.wavelengths, table.values, strict=True))}
+        elif kind in (types.String, types.Float, types.Integer, types.Bool):
+            data[key] = props[key]
+    return data
 
 
 def bsdf_digest(source: BsdfSource, where: str) -> str:
@@ -57,15 +91,10 @@ def bsdf_digest(source: BsdfSource, where: str) -> str:
     """
     if isinstance(source, dict):
         return content_digest(canonical_json(source), [*named_files(source), *sources_of(named_types(source))])
-    with _search_path(source.parent):
-        xml_files = [Path(str(file)) for file in _parse(source, where).files]
-    try:
-        texts = [ElementTree.canonicalize(from_file=str(file), strip_text=True) for file in xml_files]
-        data_files = [file for xml in xml_files for file in _files_named_in(xml) if file.is_file()]
-        data_files += sources_of(name for xml in xml_files for name in types_named_in(xml))
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise InputError(f"is not well-formed XML: {error}", where=where) from None
-    return content_digest("\n".join(texts), data_files)
+    files = XmlFiles.of(source, where)
+    texts = [ElementTree.canonicalize(from_file=str(file), strip_text=True) for file, _ in files.documents]
+    included = [file for file, _ in files.documents[1:]]
+    return content_digest("\n".join(texts), [*included, *files.spectra, *files.data, *sources_of(files.types)])
 
 
 def _parser_config() -> mi.parser.ParserConfig:
@@ -116,6 +145,30 @@ def _root_at_bsdf(state: mi.parser.ParserState, where: str) -> None:
     state.nodes[0] = state.nodes[top[0]]
 
 
+def _replace_plugins(state: mi.parser.ParserState) -> None:
+    """Put plugins that are right in place of those of Mitsuba that are not."""
+    for node in state.nodes:
+        name = node.props.plugin_name()
+        if name == "blendbsdf":
+            node.props.set_plugin_name(blend.PLUGIN)
+        elif name in _PLASTICS and all(_is_black(node.props, key) for key in _PLASTIC_COLOURS):
+            # Mitsuba chooses a component by 0/0. Other parameters are dropped with the plugin that reads them
+            for key in list(node.props.keys()):
+                node.props.remove_property(key)
+            node.props.set_plugin_name("diffuse")
+            node.props["reflectance"] = mi.ScalarColor3d(0)
+
+
+def _is_black(props: mi.Properties, key: str) -> bool:
+    """Whether a colour is written as zero; a colour that a texture gives is not looked at."""
+    if key not in props:
+        return False
+    kind, types = props.type(key), mi.Properties.Type
+    if kind == types.Spectrum:
+        return not any(props[key].values)
+    return kind in (types.Float, types.Integer, types.Color) and not np.array(props[key]).any()
+
+
 def _require_bsdf(node: mi.parser.SceneNode, where: str) -> None:
     # A dictionary node of an unknown plugin has no type; instantiation raises the error
     if node.type not in (mi.ObjectType.BSDF, mi.ObjectType.Unknown):
@@ -133,29 +186,24 @@ def _children(state: mi.parser.ParserState, node: mi.parser.SceneNode) -> list[m
     return [state.nodes[i] for i in _references(node)]
 
 
-def types_named_in(xml: Path) -> set[str]:
-    """Types of the plugins in an XML file, without those of included files."""
-    try:
-        return {name for element in ElementTree.parse(xml).iter() if (name := element.get("type"))}
-    except (OSError, ElementTree.ParseError, ValueError, LookupError):
-        return set()  # Mitsuba raises the error
-
-
-def _files_named_in(xml: Path) -> list[Path]:
-    elements = ElementTree.parse(xml).getroot().iter()
-    names = [e.get("value") if e.get("name") == "filename" else e.get("filename") for e in elements]
-    return [xml.parent / name for name in names if name]
-
-
 @contextmanager
-def _search_path(folder: Path | None) -> Iterator[None]:
-    """Resolve relative file names in `folder` first, as `mi.load_file` does."""
+def _checked_files(source: BsdfSource, where: str) -> Iterator[None]:
+    """Check the files that a BSDF names before Mitsuba reads them; those in XML are found as `XmlFiles` says."""
+    if isinstance(source, dict):
+        _check_spectra(source, where)
+        yield
+        return
     before = mi.file_resolver()
-    resolver = mi.FileResolver(before)
-    if folder is not None:
-        resolver.prepend(str(folder))
-    mi.set_file_resolver(resolver)
+    mi.set_file_resolver(XmlFiles.of(source, where).resolver())
     try:
         yield
     finally:
         mi.set_file_resolver(before)
+
+
+def _check_spectra(plugin: Mapping[str, Any], where: str) -> None:
+    if plugin.get("type") == "spectrum" and "filename" in plugin:
+        read_spectrum(Path(plugin["filename"]), where)
+    for value in plugin.values():
+        if isinstance(value, Mapping):
+            _check_spectra(value, where)

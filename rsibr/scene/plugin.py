@@ -13,6 +13,11 @@ from typing import Any
 from rsibr.errors import InputError
 
 _REWRITES = (
+    (  # an included file, which may be any file of the machine: named, not quoted
+        r"while processing <include>:.*Error while loading (XML file )?"
+        r"\"?(?P<file>[^\s\"]+)\"?(?P<line> \(line[^)]*\))?:.*",
+        r"includes \g<file>, which Mitsuba does not read\g<line>",
+    ),
     (r"\[\w+\.(cpp|h):\d+\]\s*", ""),  # location in Mitsuba's sources
     (
         r"^(At|(Error )?[Ww]hile loading) (dictionary node \"[^\"]*\"|.*?(?= \(line ))(?P<line> \(line[^)]*\))?:\s*",
@@ -23,6 +28,7 @@ _REWRITES = (
     (r"failed to instantiate \w+ plugin of type (\"[^\"]*\"):", r"\1:"),
     (r"\[[A-Z]\w+\]\s*", ""),  # the class that raised it
     (r"Traceback \(most recent call last\):.*?(?=\b\w*Error: )\w*Error: ", ""),  # of a plugin of rsibr
+    (r"rsibr_blendbsdf", "blendbsdf"),  # rsibr's own in its place
     (r"^std::bad_alloc$", "it does not fit into the memory"),
 )
 _VECTOR_FOR_COLOUR = "got vector"

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
-import mitsuba as mi
 import numpy as np
 from scipy import constants
 
 from rsibr.errors import InputError
+from rsibr.scene.mitsuba_bsdf import bsdf_data
 from rsibr.scene.paint.car_paint import PLUGIN as CAR_PAINT
 from rsibr.scene.paint.pigments import pigment_spectrum
 from rsibr.scene.paint.spectra import NODES
+from rsibr.scene.spectrum_file import read_spectrum
 
 Samples = list[tuple[float, float]]
 """Wavelengths [nm] and values, ascending; linear between them and zero beyond."""
@@ -84,25 +84,11 @@ def in_every_variant(plugin: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 def _plugins(source: Mapping[str, Any] | Path | None, name: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
     """All plugins of a source, each with its name in the enclosing plugin."""
-    plugin = _as_data(ElementTree.parse(source).getroot()) if isinstance(source, Path) else source or {}
+    plugin = bsdf_data(source, str(source)) if isinstance(source, Path) else source or {}
     yield name, plugin
     for key, value in plugin.items():
         if isinstance(value, Mapping):
             yield from _plugins(value, key)
-
-
-def _as_data(element: ElementTree.Element) -> dict[str, Any]:
-    """Plain data equivalent to an XML element, as far as spectra, names and numbers are concerned."""
-    data: dict[str, Any] = {"type": element.get("type", element.tag)}
-    for number, child in enumerate(element):
-        name, value = child.get("name", f"{child.tag}-{number}"), child.get("value")
-        if child.tag == "spectrum" and value is not None and ":" in value:
-            data[name] = {"type": "spectrum", "value": [pair.split(":") for pair in value.split(",")]}
-        elif child.tag == "spectrum" and child.get("filename"):
-            data[name] = {"type": "spectrum", "filename": child.get("filename")}
-        else:
-            data[name] = value if value is not None and not len(child) else _as_data(child)
-    return data
 
 
 def _read(plugin: Mapping[str, Any], where: str) -> Samples | None:
@@ -111,8 +97,8 @@ def _read(plugin: Mapping[str, Any], where: str) -> Samples | None:
         match plugin:
             case {"type": "spectrum", "value": [*pairs]}:
                 samples = [(float(wavelength), float(value)) for wavelength, value in pairs]
-            case {"type": "spectrum" | "irregular" | "regular", "filename": file}:
-                samples = _zipped(*mi.spectrum_from_file(str(file)))
+            case {"type": "spectrum", "filename": file}:
+                samples = read_spectrum(Path(str(file)), where)
             case {"type": "irregular", "wavelengths": wavelengths, "values": values}:
                 samples = _zipped(_numbers(wavelengths), _numbers(values))
             case {"type": "regular", "wavelength_min": low, "wavelength_max": high, "values": values}:

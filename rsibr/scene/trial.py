@@ -21,9 +21,9 @@ from pathlib import Path
 from rsibr.errors import InputError
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.interpreter import OVERRIDE, interpreters, search_path
-from rsibr.scene.mitsuba_bsdf import types_named_in
 from rsibr.scene.plugin import named_files, named_types
 from rsibr.scene.python_plugins import plugin_modules, registered_by_hand, sources_of
+from rsibr.scene.xml_files import XmlFiles
 
 TIMEOUT = 60.0
 """Seconds after which a trial counts as hung; it normally takes one or two."""
@@ -128,12 +128,25 @@ def _attempt(interpreter: str, document: str, where: str, timeout: float) -> tup
 
 def _types(config: EnvironmentConfig | MaterialConfig) -> set[str]:
     plugin = config.emitter if isinstance(config, EnvironmentConfig) else config.bsdf
-    return named_types(plugin) if plugin is not None else types_named_in(Path(config.file or ""))
+    if plugin is not None:
+        return named_types(plugin)
+    return _xml(config).types if _is_xml(config) else set()
 
 
 def _files(config: EnvironmentConfig | MaterialConfig) -> list[Path]:
     plugin = config.emitter if isinstance(config, EnvironmentConfig) else config.bsdf
+    if _is_xml(config):
+        xml = _xml(config)
+        return [*(file for file, _ in xml.documents), *xml.spectra, *xml.data]
     return [*filter(None, [config.file]), *named_files(plugin or {})]
+
+
+def _is_xml(config: EnvironmentConfig | MaterialConfig) -> bool:
+    return isinstance(config, MaterialConfig) and config.file is not None
+
+
+def _xml(config: EnvironmentConfig | MaterialConfig) -> XmlFiles:
+    return XmlFiles.of(Path(config.file or ""), str(config.file))
 
 
 def _content(file: Path) -> bytes:

@@ -15,6 +15,7 @@ import drjit as dr
 import mitsuba as mi
 
 from rsibr.errors import RsibrError
+from rsibr.geometry.sphere_interaction import interaction
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
@@ -48,8 +49,7 @@ def main() -> int:
 
 def _exercise(bsdf: mi.BSDF) -> None:
     u = dr.linspace(mi.Float, 0.01, 0.99, _DIRECTIONS)
-    si = dr.zeros(mi.SurfaceInteraction3f)
-    si.wi = mi.warp.square_to_cosine_hemisphere(mi.Point2f(u, dr.opaque(mi.Float, 0.5)))
+    si = interaction(mi.warp.square_to_cosine_hemisphere(mi.Point2f(u, dr.opaque(mi.Float, 0.5))))
     context = mi.BSDFContext()
     sample, weight = bsdf.sample(context, si, u, mi.Point2f(u, u))
     dr.eval(weight, bsdf.eval(context, si, sample.wo), bsdf.pdf(context, si, sample.wo))

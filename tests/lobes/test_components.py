@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rsibr.baking.integrator import SphereIntegrator
+from rsibr.geometry.sphere_interaction import interaction
 from rsibr.lobes.basis import LAMBERT
 from rsibr.lobes.bsdf_eval import reflected
 from rsibr.lobes.components import component_shares, told_apart
@@ -102,7 +103,7 @@ def test_shares_of_components_are_safe_at_grazing_and_below(rng):
     wi, wo = directions(rng, 200)
     wi[:50, 2], wo[50:100, 2] = 1e-7, 1e-7
     wi[100:] *= [1, 1, -1]
-    shares = component_shares(preset("glossy-plastic"), [0, 1], vector(wi), vector(wo))
+    shares = component_shares(preset("glossy-plastic"), [0, 1], vector(wi), interaction(vector(wo)))
     values = np.array([to_numpy(share) for share in shares])
     assert np.isfinite(values).all()
     assert values.min() >= 0

@@ -167,7 +167,7 @@ def test_a_bsdf_that_cannot_be_used(bsdf, parts):
         ('<shape version="3.0.0" type="sphere"/>', "'sphere' is not a BSDF (shape)"),
         ('<scene version="3.0.0"/>', "holds 0 BSDFs"),
         ('<scene version="3.0.0"><bsdf type="diffuse"/><bsdf type="plastic"/></scene>', "holds 2 BSDFs"),
-        ("", "No document element found"),
+        ("", "is not well-formed XML (line 1, col 1)"),
     ],
 )
 def test_an_xml_file_that_cannot_be_used(tmp_path, xml, part):

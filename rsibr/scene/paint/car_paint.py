@@ -9,7 +9,6 @@ interreflection: ρ* between pigment and coat, a from flakes and coat to the pig
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from functools import cache
 from typing import Any
 
 import drjit as dr
@@ -21,6 +20,7 @@ from rsibr.scene.paint.layers import AZIMUTH_NODES, COSINE_NODES, SINE_NODES
 from rsibr.scene.paint.lobes import emerging, ggx, half_turn, microfacet_mirrors, mirrored, refracted
 from rsibr.scene.paint.recipe import PaintRecipe
 from rsibr.scene.paint.spectra import PaintColours, PaintSpectra, along, lookup_table
+from rsibr.scene.variant_class import variant_class
 
 PLUGIN = "rsibr_car_paint"
 """Name of the BSDF in Mitsuba XML and dictionaries."""
@@ -44,7 +44,7 @@ class _Side:
 class CarPaint:
     """Coated paint with the parameters of `PaintRecipe`, which can be changed through `mi.traverse`.
 
-    Mitsuba has a BSDF class for each variant, from which `register` derives a class with these methods. Not
+    `register` derives a class of the current variant with these methods. Not
     differentiable in its parameters. In spectral variants colours are spectra, as Mitsuba converts them, and cannot be
     changed through `mi.traverse`. In polarised variants the reflected light is assumed to be unpolarised.
 
@@ -233,14 +233,7 @@ def register() -> None:
 
 
 def _create(props: mi.Properties) -> Any:
-    return _class_for(mi.variant())(props)
-
-
-@cache
-def _class_for(variant: str) -> type:
-    """Class with the methods of `CarPaint` and the variant's BSDF as its base; the binding allows no second base."""
-    methods = {name: member for name, member in vars(CarPaint).items() if name not in ("__dict__", "__weakref__")}
-    return type(f"CarPaint_{variant}", (mi.BSDF,), methods)
+    return variant_class(CarPaint)(props)
 
 
 def _kind(flags: int) -> mi.BSDFFlags:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.errors import InputError
+from rsibr.geometry.sphere_interaction import interaction
 from rsibr.scene.paint.layers import CoatTables, Gloss, solve_layers
 from rsibr.scene.paint.pigments import pigment_reflectance, pigment_spectrum
 from rsibr.scene.paint.spectra import NODES
@@ -162,7 +163,7 @@ def _colour(properties: mi.Properties, name: str) -> Colour:
     if properties.type(name) == mi.Properties.Type.String:
         return _pigment(properties[name])
     read = properties.get_unbounded_texture if name in _UNBOUNDED else properties.get_texture
-    texture, si = read(name), dr.zeros(mi.SurfaceInteraction3f)
+    texture, si = read(name), interaction(mi.Vector3f(0, 0, 1))
     if not mi.is_spectral:
         return np.array(texture.eval(si), dtype=np.float64).ravel()
     values = []
