@@ -32,7 +32,7 @@ _ONE_VALUE = 1 + 1e-6
 
 _COST_LABELS = {
     "once_seconds": ("before the first", "s"),
-    "bytes": ("in memory", "B"),
+    "bytes": ("on the device", "B"),
     "frame_seconds": ("a picture", "s"),
 }
 

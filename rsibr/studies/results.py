@@ -128,7 +128,7 @@ class PointRecord(Record):
         description="first picture's time beyond the others: tracing, compilation; the longest of the same variant"
     )
     frame_seconds: Timing = Field(description="a picture, nothing compiled")
-    bytes: int = Field(description="what the method reads, in memory: three channels a texel, at the precision given")
+    bytes: int = Field(description="arrays of the method on the device after its pictures, shared ones included")
 
     @property
     def rel_mse(self) -> float:

@@ -76,7 +76,7 @@ def test_resumed_it_chooses_nothing_anew_and_ends_bit_identical(config, tmp_path
         with pytest.raises(BakeError, match=f"{name}.content: .* → .*--fresh"):
             rsibr.bake(config, out=baked.path, overrides=[*SMALL, change])
     plain = rsibr.bake(baked.manifest.budget.resolved, out=tmp_path / "plain.rsibr")
-    with pytest.raises(BakeError, match="without a budget.*--fresh"):
+    with pytest.raises(BakeError, match=r"without a budget.*--fresh"):
         rsibr.bake(config, out=plain.path, overrides=SMALL)
     assert map_bytes(baked.path) == kept
 
@@ -87,7 +87,7 @@ def test_a_finished_bake_is_held_against_the_content_of_its_files(config, tmp_pa
     overrides = [*SMALL, f"environment.file={sky}", "sampling.samples=64"]
     baked = rsibr.bake(config, out=tmp_path / "b.rsibr", overrides=overrides)
     write_exr(sky, np.full((8, 16, 3), 0.5, np.float32))
-    with pytest.raises(BakeError, match="environment.content: .* → "):
+    with pytest.raises(BakeError, match=r"environment.content: .* → "):
         rsibr.bake(config, out=baked.path, overrides=overrides)
 
 
@@ -97,7 +97,7 @@ def test_a_bake_of_other_code_is_not_reused(config, tmp_path, monkeypatch):
     baked = rsibr.bake(config, out=tmp_path / "b.rsibr", overrides=overrides)
     for place in ("baker", "finished"):
         monkeypatch.setattr(f"rsibr.baking.{place}.baking_code", lambda: "0" * 64)
-    with pytest.raises(BakeError, match="code of rsibr: .* → 000000000000"):
+    with pytest.raises(BakeError, match=r"code of rsibr: .* → 000000000000"):
         rsibr.bake(config, out=baked.path, overrides=overrides)
 
 
