@@ -87,9 +87,12 @@ def headline(document: StudyDocument) -> Figure:
     for record in document.doubling:
         colour = colour_of(record.method)
         left.plot(record.seconds, record.rel_mse, "-o", color=colour, markersize=4.5, label=record.method)
-        known = [(t, gain) for t, gain in zip(record.seconds, record.gain, strict=True) if gain is not None]
+        rows = zip(record.seconds, record.gain, record.gain_ci95, strict=True)
+        known = [(t, gain, gain - ci[0], ci[1] - gain) for t, gain, ci in rows if gain is not None and ci is not None]
         if known:
-            right.plot(*zip(*known, strict=True), "-o", color=colour, markersize=4.5, label=record.method)
+            t, gain, below, above = np.transpose(known)
+            options = {"color": colour, "markersize": 4.5, "capsize": 2, "label": record.method}
+            right.errorbar(t, gain, yerr=[below, above], fmt="-o", **options)
     _name_ends(left, document.doubling)
     _floor(left, min(scene.reference.noise_floor for scene in document.scenes))
     _logarithmic(left)
@@ -128,7 +131,8 @@ def convergence(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
     _logarithmic(axes)
     axes.set(ylabel="relMSE", xlabel="rendering time: of the views of a bake, or of one path-traced picture")
     _count_in(axes, "s")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8.5)
+    if axes.get_legend_handles_labels()[0]:  # a black scene has nothing to name
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8.5)
     return figure
 
 
@@ -196,7 +200,7 @@ def _rival(axes: Axes, rivals: Sequence[PathTracingRecord], law: PowerLaw, name:
     _with_bars(axes, [r.seconds.median for r in rivals], [r.error.rel_mse for r in rivals], colour, "s")
     if not any(r.error.rel_mse.value > 0 for r in rivals):
         return  # a black scene: its law is that of placeholders
-    label = f"{name}, slope {law.slope:.2f}".replace("-", "−")
+    label = f"{name}, slope {law.slope:.2f}".replace("-", "−") if law.is_measured else name
     axes.plot(law.range, [law.at(x) for x in law.range], color=colour, linewidth=1, label=label)
 
 
@@ -208,7 +212,8 @@ def _curve(axes: Axes, curve: ConvergenceRecord, points: Sequence[PointRecord], 
     samples = np.geomspace(points[0].bake.samples, points[-1].bake.samples, 64)
     rising = np.maximum.accumulate(seconds)  # timing noise may make the times non-monotonic
     times = np.interp(samples, [point.bake.samples for point in points], rising)
-    slope = "" if curve.slope is None else f", slope {curve.slope.slope:.2f}".replace("-", "−")
+    told = curve.slope is not None and curve.slope.is_measured
+    slope = f", slope {curve.slope.slope:.2f}".replace("-", "−") if told and curve.slope else ""
     axes.plot(times, curve.bias + curve.noise / samples, color=colour, linewidth=1, label=f"{curve.label}{slope}")
     if curve.bias > 0:
         axes.plot([rising[0], rising[-1]], [curve.bias] * 2, ":", color=colour, linewidth=1)
