@@ -36,7 +36,7 @@ def source_digest(*names: str) -> str:
     ModuleNotFoundError
         If there is no module of one of the names.
     """
-    contents = {}
+    contents = dict[str, bytes]()
     for name in names:
         spec = find_spec(name)
         if spec is None:

@@ -24,7 +24,7 @@ def promises(manifest: Manifest) -> dict[str, Any]:
         told["budget"] = {"error": found}
     for promise in promises_of(manifest):
         section, _, key = promise.key.partition(".")
-        values = {"promised": promise.promised, "reached": promise.reached, "kept": promise.kept}
+        values: dict[str, Any] = {"promised": promise.promised, "reached": promise.reached, "kept": promise.kept}
         if promise.ci95 is not None:
             values["ci95"] = promise.ci95
         if section == "budget":

@@ -88,11 +88,11 @@ def headline(document: StudyDocument) -> Figure:
         colour = colour_of(record.method)
         left.plot(record.seconds, record.rel_mse, "-o", color=colour, markersize=4.5, label=record.method)
         rows = zip(record.seconds, record.gain, record.gain_ci95, strict=True)
-        known = [(t, gain, gain - ci[0], ci[1] - gain) for t, gain, ci in rows if gain is not None and ci is not None]
-        if known:
-            t, gain, below, above = np.transpose(known)
-            options = {"color": colour, "markersize": 4.5, "capsize": 2, "label": record.method}
-            right.errorbar(t, gain, yerr=[below, above], fmt="-o", **options)
+        known = np.array([(t, gain, *ci) for t, gain, ci in rows if gain is not None and ci is not None])
+        if len(known):
+            t, gain, low, high = known.T
+            bars, options = [gain - low, high - gain], {"markersize": 4.5, "capsize": 2, "label": record.method}
+            right.errorbar(t, gain, yerr=bars, fmt="-o", color=colour, **options)
     _name_ends(left, document.doubling)
     _floor(left, min(scene.reference.noise_floor for scene in document.scenes))
     _logarithmic(left)
