@@ -95,15 +95,8 @@ class BlockSums:
         squares = by_channel.sum(axis=0, dtype=np.float64) ** 2
         self._squares[:, where] += np.add.reduceat(squares, first, axis=-1)
 
-    def result(
-        self, texels: NDArray[np.integer] | slice = slice(None)
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def result(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Mean over the blocks, and variance of the mean of the sum of lobes.
-
-        Parameters
-        ----------
-        texels : ndarray of int or slice
-            Texels to return, with at least two blocks each; by default all.
 
         Returns
         -------
@@ -112,10 +105,9 @@ class BlockSums:
         variance : ndarray, shape (texels, 3), float32
             Estimate with (blocks − 1) degrees of freedom.
         """
-        count = self._count[texels]
-        mean = self._total[..., texels] / count
-        spread = np.maximum(self._squares[:, texels] / count - mean.sum(axis=0) ** 2, 0.0)  # np.maximum propagates NaN
-        variance = spread / (count - 1)
+        mean = self._total / self._count
+        spread = np.maximum(self._squares / self._count - mean.sum(axis=0) ** 2, 0.0)  # np.maximum propagates NaN
+        variance = spread / (self._count - 1)
         return mean.astype(np.float32).transpose(2, 0, 1), variance.astype(np.float32).T
 
 

@@ -84,7 +84,6 @@ class TexelPilot:
     def __post_init__(self) -> None:
         coverage = self.integrator.coverage
         self._judged = np.flatnonzero(coverage[coverage > 0] >= COVERED)
-        self._covered = int(np.count_nonzero(coverage))
         self._most = min(len(self._judged), max(LEAST_A_VIEW, math.ceil(MOST * len(self._judged))))
         self._count = min(self._most, max(LEAST_A_VIEW, -(-LEAST_TEXELS // len(self.frames))))
 
@@ -110,15 +109,12 @@ class TexelPilot:
     def _view(self, index: int, frame: NDArray[np.float64], size: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         seeds = np.random.SeedSequence(self.seed, spawn_key=(index, _BRANCH, size, self._count))
         texels = self._subset(np.random.default_rng(seeds))
-        counts = np.zeros(self._covered, np.int64)
-        counts[texels] = BLOCKS
-        blocks, sums = Blocks(size, counts), BlockSums(self._covered, len(self.integrator.lobe_names))
-        launches = blocks.launch_count(self._covered, self.integrator.max_lanes)
-        for where, seed in zip(
-            blocks.launches(self._covered, self.integrator.max_lanes), seeds.generate_state(launches), strict=True
-        ):
-            sums.add(where, self.integrator.launch(frame, where, size, int(seed)).means())
-        lobes, variance = sums.result(texels)
+        blocks, sums = Blocks(size, BLOCKS), BlockSums(len(texels), len(self.integrator.lobe_names))
+        most = self.integrator.max_lanes
+        states = seeds.generate_state(blocks.launch_count(len(texels), most))
+        for where, seed in zip(blocks.launches(len(texels), most), states, strict=True):
+            sums.add(where, self.integrator.launch(frame, texels[where], size, int(seed)).means())
+        lobes, variance = sums.result()
         mean = lobes.sum(axis=1, dtype=np.float64)
         return texels, relative_variance(mean, variance.astype(np.float64) * BLOCKS)
 

@@ -240,7 +240,7 @@ def _with_bars(axes: Axes, x: Sequence[float], estimates: Sequence[Any], colour:
 
 def _logarithmic(axes: Axes, which: str = "xy") -> None:
     """Make axes logarithmic; axes without positive data, as of a black scene, or of one value get fixed limits."""
-    for name, low, high in zip("xy", axes.dataLim.minpos, axes.dataLim.max, strict=True):
+    for name, low, high in zip("xy", np.asarray(axes.dataLim.minpos), axes.dataLim.max, strict=True):
         if name in which:
             if not 0 < high < np.inf:
                 axes.set(**{f"{name}lim": (0.1, 1)})
