@@ -280,9 +280,9 @@ def _uniform(pilot: TexelPilot, size: int, least: int, target: float) -> Samplin
         size = min(MAX_POINTS, max(LEAST_SAMPLES, math.ceil(size * aim ** (1 / STRATIFIED))))
         if size in noise:
             break
-    enough = [one for one, bound in upper.items() if bound <= target * least]
-    size = min(enough) if enough else max(upper)
-    even = max(least, math.ceil(upper[size] / target))
+    counts = {one: max(least, math.ceil(bound / target)) for one, bound in upper.items()}
+    size = min(counts, key=lambda one: one * counts[one])
+    even = counts[size]
     _check_within_reach(float(size * even), target)
     return SamplingRecord(block=size, even=even, forecast_rel_mse=noise[size] / even)
 
