@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rsibr import backend, clock
 from rsibr.baking.baked_costs import baked_costs
 from rsibr.baking.blocks import Blocks, estimate
-from rsibr.baking.finished import DECISIVE, finished_bake, package_versions
+from rsibr.baking.finished import DECISIVE, SOURCE, baking_code, finished_bake, package_versions
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.lobe_record import lobe_record
 from rsibr.baking.sampling import Sampler, Steering
@@ -171,6 +171,7 @@ def plan_manifest(
             "environment": {"name": environment.name, "content": environment.digest},
             "material": {"name": material.name, "content": material.digest},
             "packages": {name: packages[name] for name in DECISIVE},
+            SOURCE: baking_code(),
             "variant": scene.variant,
             "blocks": sampling.identity,
             "plan": {"grey": plan.grey, "light_samples": plan.light_samples, "left_out": list(plan.left_out)},

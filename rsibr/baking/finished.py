@@ -15,8 +15,9 @@ from rsibr.scene.environment import environment_digest
 from rsibr.scene.material import material_digest
 from rsibr.scene.python_plugins import load_plugins
 from rsibr.scene.views import load_viewpoints
+from rsibr.source_code import source_digest
 from rsibr.store.bake import Bake, open_bake
-from rsibr.store.manifest import MANIFEST_NAME, Manifest
+from rsibr.store.manifest import MANIFEST_NAME, Manifest, read_manifest
 from rsibr.store.soundness import fault_of
 from rsibr.version import __version__
 
@@ -25,6 +26,19 @@ RECORDED = ("mitsuba", "drjit", "numpy", "OpenEXR", "rsibr")
 
 DECISIVE = ("mitsuba", "drjit", "rsibr")
 """Packages whose versions determine the bits of the maps."""
+
+ROOMS = tuple(
+    f"rsibr.{name}" for name in ("backend", "baking", "geometry", "light", "lobes", "planning", "scene", "store")
+)
+"""Modules of rsibr whose code determines the bits of the maps."""
+
+SOURCE = "code of rsibr"
+"""Key of the digest of `ROOMS` in the identity of a bake."""
+
+
+def baking_code() -> str:
+    """SHA-256 of the code that bakes: a version number does not change with every change of the code."""
+    return source_digest(*ROOMS)
 
 
 def package_versions() -> dict[str, str]:
@@ -49,8 +63,8 @@ def finished_bake(config: Config, out: Path | str, digests: dict[str, str] | Non
     -------
     Bake or None
         None if something is missing or damaged, or if the config, the content of the files that it names, the versions
-        of the packages, or the device differ; or if its maps may be unusable as a whole (`rsibr.store.soundness`).
-        `rsibr.baking.baker.bake` then reports the cause.
+        of the packages, the code of rsibr, or the device differ; or if its maps may be unusable as a whole
+        (`rsibr.store.soundness`). `rsibr.baking.baker.bake` then reports the cause.
     """
     if not (Path(out) / MANIFEST_NAME).is_file():
         return None
@@ -74,11 +88,25 @@ def _is_of(manifest: Manifest, config: Config, digests: dict[str, str] | None) -
     versions = package_versions()
     return (
         manifest.config == config.to_dict()
+        and manifest.identity.get(SOURCE) == baking_code()
         and all(manifest.packages.get(name) == versions[name] for name in DECISIVE)
         and _device(manifest.variant) == _device(backend.use())
         and _has_views(manifest, config.views)
         and all(manifest.identity[kind]["content"] == digest for kind, digest in (digests or _digests(config)).items())
     )
+
+
+def is_outdated(config: Config, out: Path | str) -> bool:
+    """Whether `out` holds a bake of this config that other code or other versions of the packages made."""
+    if not (Path(out) / MANIFEST_NAME).is_file():
+        return False
+    try:
+        manifest = read_manifest(Path(out) / MANIFEST_NAME)
+    except RsibrError:
+        return False
+    versions = package_versions()
+    current = all(manifest.packages.get(name) == versions[name] for name in DECISIVE)
+    return manifest.config == config.to_dict() and not (current and manifest.identity.get(SOURCE) == baking_code())
 
 
 def _digests(config: Config) -> dict[str, str]:

@@ -41,8 +41,6 @@ class NoisePilot:
         Samples a block of the bake; the gain of stratification depends on it.
     seed : int
         Root of the seed tree.
-    least_side : int
-        Minimum texels a side of the small map; coarser texels overestimate the noise more.
 
     Attributes
     ----------
@@ -50,8 +48,8 @@ class NoisePilot:
         As given.
     """
 
-    def __init__(self, integrator: SphereIntegrator, size: int, seed: int, least_side: int = LEAST_SIDE) -> None:
-        side = min(integrator.coverage.shape[0], max(least_side, integrator.coverage.shape[0] // _COARSER))
+    def __init__(self, integrator: SphereIntegrator, size: int, seed: int) -> None:
+        side = min(integrator.coverage.shape[0], max(LEAST_SIDE, integrator.coverage.shape[0] // _COARSER))
         self._full, self._small = integrator, integrator.at_resolution(side)
         self.size, self._blocks, self._seed = size, Blocks(size, PILOT_BLOCKS), seed
         covered = self._small.coverage > 0

@@ -15,16 +15,29 @@ from rsibr.baking.blocks import FEW_BLOCKS, MAX_BLOCKS, Blocks, block_sizes
 from rsibr.baking.calibration import map_overhead, sample_seconds
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.lattice import MAX_POINTS
-from rsibr.baking.noise_pilot import LEAST_SIDE, Image, NoisePilot
+from rsibr.baking.noise_pilot import Image, NoisePilot
+from rsibr.baking.texel_pilot import TexelNoise, TexelPilot
 from rsibr.errors import InputError
 from rsibr.scene.config import SamplingConfig
 from rsibr.store.manifest import SamplingRecord
 
-NOISE_MARGIN = 1.1
-"""Safety factor on the predicted noise; the prediction is within a few per cent, and tends to be too high."""
+NOISE_MARGIN = 1.05
+"""Least safety factor on the measured noise of a block; see `_margin`."""
 
-PROMISING_SIDE = 32
-"""Minimum texels a side of a pilot if a target error is given."""
+CONFIDENCE = 2.0
+"""Standard errors of the measured noise that a target error is met with."""
+
+CLOSE = 0.9
+"""Share of a target, safety factor included, from which the search for the size of a block ends."""
+
+AIM = 0.96
+"""Share of a target that the search aims at from below."""
+
+STRATIFIED = 1.2
+"""Exponent with which the noise of a block typically falls with its size."""
+
+REFINEMENTS = 5
+"""Maximum measurements in search of the block size of a target error."""
 
 TIME_MARGIN = 0.9
 """Share of a time budget that the forecast may use."""
@@ -139,17 +152,36 @@ class Sampler:
         )
 
     def _for_error(self, target: float) -> SamplingRecord:
-        needed, again, least, spread = self._fewest(target)
-        if again.scale is None:  # uniform: a finer lattice is no noisier, so the blocks can be larger
-            size, scale = min(MAX_POINTS, max(again.block, math.ceil(needed / least))), None
-            even = max(least, math.ceil(needed / size))
-        else:
-            size, even = again.block, max(least, math.ceil(needed / again.block))
-            scale = again.scale * even / least
-        noise = Allocation(even, scale).noise(spread) * again.block / size
-        return SamplingRecord(
-            block=size, even=even, scale=scale, gain=again.gain, forecast_rel_mse=noise, promised_rel_mse=target
-        )
+        """Samples that keep a target: estimated from small maps, then corrected by the noise of the bake's own texels.
+
+        With uniform allocation few blocks are enough, and their size is free; with adaptive allocation their number is.
+        """
+        needed, again, least, _ = self._fewest(target)
+        pilot = TexelPilot(self.integrator, self.frames, self.config.seed)
+        record = None
+        if again.scale is not None:
+            record = self._shared_out(pilot, again, least, target)
+        if record is None:
+            size = min(MAX_POINTS, max(again.block, math.ceil(needed / least)))
+            record = _uniform(pilot, size, self.steering.few_blocks, target)
+        return record.model_copy(update={"gain": again.gain, "promised_rel_mse": target})
+
+    def _shared_out(self, pilot: TexelPilot, again: SamplingRecord, least: int, target: float) -> SamplingRecord | None:
+        """Adaptive allocation that keeps a target by the noise of the bake's own texels; None if it does not pay."""
+        factor, even = 1.0, least
+        for step in range(REFINEMENTS):
+            if again.scale is None:
+                return None
+            found, maps = pilot.look(again.block), self._pilot_for(again.block)
+            spread = np.array([maps.enlarged(self._look(maps, k))[texels] for k, texels in enumerate(found.texels)])
+            noise, factor, even = _blocks_for(found, spread, again.scale, least, target)
+            smaller = max(LEAST_SAMPLES, math.ceil(again.block * factor ** (1 / STRATIFIED)))
+            if factor >= CLOSE or smaller >= again.block or step == REFINEMENTS - 1:
+                break
+            again = self._allocated(smaller, least, self._spread(smaller))  # `least` blocks of this size are too many
+        _check_within_reach(float(even * again.block), target)
+        scale = (again.scale or 0.0) * max(1.0, factor)
+        return SamplingRecord(block=again.block, even=even, scale=scale, forecast_rel_mse=noise)
 
     def _fewest(self, target: float) -> tuple[float, SamplingRecord, int, NDArray[np.float64]]:
         """Choose between few large blocks (fine lattices, uniform) and many small ones (adaptive): fewer samples win.
@@ -201,8 +233,7 @@ class Sampler:
 
     def _pilot_for(self, size: int) -> NoisePilot:
         if self._pilot is None or self._pilot.size != size:
-            least_side = LEAST_SIDE if self.config.target_error is None else PROMISING_SIDE
-            self._pilot = NoisePilot(self.integrator, size, self.config.seed, least_side)
+            self._pilot = NoisePilot(self.integrator, size, self.config.seed)
             self._looks.clear()
         return self._pilot
 
@@ -214,7 +245,51 @@ class Sampler:
 
 def _needed(record: SamplingRecord, target: float) -> float:
     """Samples a texel that keep the noise below the target; relMSE is inversely proportional to them."""
-    return NOISE_MARGIN * (record.forecast_rel_mse or 0.0) / target * record.even * record.block
+    return (record.forecast_rel_mse or 0.0) / target * record.even * record.block
+
+
+def _blocks_for(
+    found: TexelNoise, spread: NDArray[np.float64], scale: float, least: int, target: float
+) -> tuple[float, float, int]:
+    """Adaptive blocks that keep a target: their noise, their number over `least`, and its mean for `Allocation`."""
+    factor, even, noise = 1.0, least, 0.0
+    for _ in range(REFINEMENTS):  # counts are whole numbers between bounds: noise is not quite inverse to them
+        noise = found.mean(Allocation(even, scale * max(1.0, factor)).counts(spread).astype(np.float64))
+        factor *= noise * _margin(found) / target
+        even = max(least, math.ceil(least * factor))
+        if factor <= 1:
+            break
+    return noise, factor, even
+
+
+def _uniform(pilot: TexelPilot, size: int, least: int, target: float) -> SamplingRecord:
+    """Uniform allocation of `least` blocks whose size keeps a target; of more blocks where no measured size does.
+
+    Noise falls with the size of a block faster than with their number, because a block is stratified; but not evenly,
+    because lattices of neighbouring sizes differ. The chosen size is therefore one that was measured.
+    """
+    upper: dict[int, float] = {}  # confidence bound of the noise of a block, by its size
+    noise: dict[int, float] = {}
+    for _ in range(REFINEMENTS):
+        found = pilot.look(size)
+        noise[size], upper[size] = found.mean(), found.mean() * _margin(found)
+        missed = upper[size] / (target * least)
+        if CLOSE <= missed <= 1 or (missed < CLOSE and size == LEAST_SAMPLES):
+            break
+        aim = missed if missed > 1 else missed / AIM  # from below, not beyond the target again
+        size = min(MAX_POINTS, max(LEAST_SAMPLES, math.ceil(size * aim ** (1 / STRATIFIED))))
+        if size in noise:
+            break
+    counts = {one: max(least, math.ceil(bound / target)) for one, bound in upper.items()}
+    size = min(counts, key=lambda one: one * counts[one])
+    even = counts[size]
+    _check_within_reach(float(size * even), target)
+    return SamplingRecord(block=size, even=even, forecast_rel_mse=noise[size] / even)
+
+
+def _margin(found: TexelNoise) -> float:
+    """Safety factor on a measured noise: its upper confidence bound."""
+    return max(NOISE_MARGIN, 1 + CONFIDENCE * found.error)
 
 
 def _check_within_reach(needed: float, target: float) -> None:

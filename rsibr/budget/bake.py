@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from rsibr import backend, clock
 from rsibr.baking.baker import bake as run_bake
@@ -17,8 +18,14 @@ from rsibr.planning.plan import Plan
 from rsibr.progress import Progress
 from rsibr.scene.config import Config, ConfigLike, config_of
 from rsibr.store.bake import Bake, BakeWriter, open_bake
+from rsibr.store.difference import changes
 from rsibr.store.directory import claim_directory
 from rsibr.store.manifest import MANIFEST_NAME, BudgetRecord, Manifest, SamplingRecord, read_manifest
+
+_ANEW = "use --fresh to bake anew, or another --out"
+
+_BY_CONTENT = ("environment", "material", "plugins")
+"""Tables of a config that are compared by the digest of what they name, not by the names of files."""
 
 
 @backend.in_session
@@ -105,14 +112,28 @@ def planned(
 
 
 def _recorded(path: Path, config: Config) -> tuple[Config, BudgetRecord] | None:
-    """Config and budget record of the bake in `path`; None if there is no bake."""
+    """Config and budget record of the bake in `path`; None if there is no bake.
+
+    Files that the config names may have moved: what is in them is compared when the bake is resumed.
+    """
     if not (path / MANIFEST_NAME).exists():
         return None
-    found = read_manifest(path / MANIFEST_NAME)
-    if found.budget is None or found.budget.asked != config.to_dict():
-        what = "holds a bake of another config or budget"
-        raise BakeError(what, where=str(path), fix="use --fresh to bake anew, or another --out")
-    return Config.model_validate(found.budget.resolved), found.budget
+    found, wanted = read_manifest(path / MANIFEST_NAME).budget, config.to_dict()
+    if found is None:
+        raise BakeError("holds a bake without a budget", where=str(path), fix=_ANEW)
+    if changed := changes(_without_content(found.asked), _without_content(wanted)):
+        raise BakeError(f"holds a bake of another config ({'; '.join(changed)})", where=str(path), fix=_ANEW)
+    contents = {name: wanted[name] for name in _BY_CONTENT if name in wanted}
+    resolved = Config.model_validate({**found.resolved, **contents})
+    if config.views.file is not None:
+        resolved = resolved.model_copy(update={"views": config.views})
+    return resolved, found.model_copy(update={"asked": wanted})
+
+
+def _without_content(asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Part of a config that is compared by its values."""
+    plain = {name: table for name, table in asked.items() if name not in _BY_CONTENT}
+    return {**plain, "views": {**asked.get("views", {}), "file": "file" in asked.get("views", {})}}
 
 
 def _record_reached(baked: Bake, scene: Scene) -> None:

@@ -28,11 +28,12 @@ def bake(
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
-    """Render the radiance sphere maps of all views. A killed bake resumes."""
+    """Render the radiance sphere maps of all views. A killed bake resumes. A promise that is broken exits with 1."""
     from rsibr.baking.finished import finished_bake
     from rsibr.budget.bake import bake as run_bake
+    from rsibr.budget.promise import promises_of
     from rsibr.cli.console import bake_progress, note_health, note_peculiarities
-    from rsibr.cli.promises import promises, reached_lines
+    from rsibr.cli.promises import exit_code, promises, reached_lines
     from rsibr.scene.config import load_config
 
     overrides = [*(overrides or ()), *(() if clamp is None else (f"sampling.clamp={clamp}",))]
@@ -65,3 +66,4 @@ def bake(
         )
         for line in reached_lines(finished.manifest):
             typer.echo(line)
+    raise typer.Exit(exit_code(promises_of(finished.manifest)))

@@ -23,6 +23,7 @@ def demo(
     """Bake a car paint under a real sky, reconstruct novel views, compare with path tracing, write a report."""
     from rsibr import clock
     from rsibr.baking.baker import bake
+    from rsibr.baking.finished import is_outdated
     from rsibr.baking.scene import Scene
     from rsibr.cli.console import bake_progress, console, note_peculiarities, step_progress
     from rsibr.resources import configs
@@ -32,7 +33,8 @@ def demo(
     settings = load_config(configs() / "demo.toml").with_plugins(imported(imports))
     with clock.counting(), bake_progress() as show:
         scene = Scene.prepare(settings)
-        baked = bake(scene, out=out / "paint.rsibr", on_progress=show)
+        path = out / "paint.rsibr"
+        baked = bake(scene, out=path, fresh=is_outdated(settings, path), on_progress=show)
     note_peculiarities(baked)
     console.print(
         f"baked {baked.view_count} views of {baked.resolution}² in {baked.seconds:.1f} s: {printable(baked.path)}"

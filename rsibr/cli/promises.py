@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
+
+import typer
+
+from rsibr.budget.promise import Promise, promises_of
 
 if TYPE_CHECKING:
     from rsibr.store.manifest import BudgetRecord, Manifest, SamplingRecord
@@ -15,20 +19,29 @@ def promises(manifest: Manifest) -> dict[str, Any]:
     told: dict[str, Any] = {"samples": manifest.samples, "noise_rel_mse": manifest.noise}
     if sampling is not None:
         told["adaptive"] = sampling.scale is not None
-    if sampling is not None and sampling.promised_rel_mse is not None:
-        told["target_error"] = {"promised": sampling.promised_rel_mse, "reached": manifest.noise}
-    if sampling is not None and sampling.promised_seconds is not None:
-        told["time_budget_s"] = {"promised": sampling.promised_seconds, "reached": manifest.total_seconds}
-    if budget is not None and budget.promised_error is not None:
-        told["budget"] = {
-            "error": {"promised": budget.promised_error, "reached": budget.reached_error, "ci95": budget.reached_ci95}
-        }
-    elif budget is not None:
-        told["budget"] = {
-            "seconds": {"promised": budget.promised_seconds, "reached": budget.reached_seconds},
-            "error": {"forecast": budget.forecast_error, "reached": budget.reached_error, "ci95": budget.reached_ci95},
-        }
+    if budget is not None and budget.promised_error is None:
+        found = {"forecast": budget.forecast_error, "reached": budget.reached_error, "ci95": budget.reached_ci95}
+        told["budget"] = {"error": found}
+    for promise in promises_of(manifest):
+        section, _, key = promise.key.partition(".")
+        values: dict[str, Any] = {"promised": promise.promised, "reached": promise.reached, "kept": promise.kept}
+        if promise.ci95 is not None:
+            values["ci95"] = promise.ci95
+        if section == "budget":
+            told.setdefault("budget", {})[key] = values
+        else:
+            told[key] = values
     return told
+
+
+def exit_code(promises: Iterable[Promise]) -> int:
+    """Print each broken promise to stderr; return the exit code of the command: 1 if there is one, else 0."""
+    code = 0
+    for promise in promises:
+        if not promise.kept:
+            typer.secho(f"broken promise: {promise}", fg="red", err=True)
+            code = 1
+    return code
 
 
 def chosen_lines(sampling: SamplingRecord | None, budget: BudgetRecord | None) -> Iterator[str]:
@@ -48,7 +61,8 @@ def reached_lines(manifest: Manifest) -> Iterator[str]:
     if sampling is not None and (sampling.scale is not None or sampling.promised_rel_mse or sampling.promised_seconds):
         yield f"samples: {sampling.samples} a texel{_steered(sampling)}"
     if sampling is not None and sampling.promised_rel_mse is not None:
-        yield f"noise (relMSE): promised {sampling.promised_rel_mse:.3g}, reached {manifest.noise or 0:.3g}"
+        reached = "unknown" if manifest.noise is None else f"{manifest.noise:.3g}"
+        yield f"noise (relMSE): promised {sampling.promised_rel_mse:.3g}, reached {reached}"
     if sampling is not None and sampling.promised_seconds is not None and budget is None:
         yield f"time: promised {sampling.promised_seconds:.3g} s, reached {manifest.total_seconds:.3g} s"
     if budget is not None and budget.promised_seconds is not None:

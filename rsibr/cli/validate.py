@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,8 @@ from rsibr.cli.options import BakePath, Imports, Json, check_output_folder, impo
 from rsibr.errors import printable
 
 if TYPE_CHECKING:
+    from rsibr.budget.promise import Promise
+    from rsibr.store.bake import Bake
     from rsibr.validation.results import Validation
 
 TABLE_WIDTH = 150
@@ -36,16 +39,22 @@ def validate(
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
-    """Compare methods with path-traced references at views that were not baked: errors, times, report."""
+    """Compare methods with path-traced references at views that were not baked: errors, times, report.
+
+    Exits with 1 if the bake promised an error (`budget.error`) that the default method exceeds at --views novel views.
+    """
     given = [parse_view(text) for text in view or ()]
     check_output_folder(out)
     imported(imports)
     from rsibr.cli.console import step_progress
+    from rsibr.cli.promises import exit_code
+    from rsibr.store.bake import open_bake
     from rsibr.validation.validation import validate as run
 
+    opened = open_bake(bake)
     with step_progress("validate") as show:
         found = run(
-            bake,
+            opened,
             views=given or views,
             methods=method or None,
             samples=samples,
@@ -54,6 +63,18 @@ def validate(
             on_progress=show,
         )
     print_validation(found, out, json_output=json_output)
+    if not given:
+        raise typer.Exit(exit_code(_promise(opened, found)))
+
+
+def _promise(bake: Bake, found: Validation) -> Iterator[Promise]:
+    """Yield the promised error of the bake, as reached at these views; nothing if it promised none."""
+    from rsibr.budget.promise import Promise
+    from rsibr.methods.registry import default_method
+
+    budget, judged = bake.manifest.budget, found.summary.get(default_method())
+    if budget is not None and budget.promised_error is not None and judged is not None:
+        yield Promise("budget.error", budget.promised_error, judged.rel_mse.value, judged.rel_mse.ci95)
 
 
 def print_validation(found: Validation, out: Path, *, json_output: bool) -> None:

@@ -15,9 +15,10 @@ def device_bytes(root: object) -> int:
     Parameters
     ----------
     root : object
-        Fields of dataclasses, mappings, lists and tuples are searched; other objects are not.
+        Its attributes are searched, and in them the fields of dataclasses, mappings, lists and tuples; other objects
+        are not.
     """
-    return sum(dict(_arrays(root, set())).values())
+    return sum(dict(_arrays(getattr(root, "__dict__", root), set())).values())
 
 
 def _arrays(value: Any, seen: set[int]) -> Iterator[tuple[int, int]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
@@ -137,6 +137,10 @@ class MethodInputs:
         seen = self.maps[: len(images)]
         coverage, frames = (np.stack([getattr(m, part) for m in seen]) for part in ("coverage", "frame"))
         return SourceMaps.from_arrays(np.stack(images), coverage, frames)
+
+    def made(self, names: Iterable[str]) -> list[Any]:
+        """Return shared inputs that were made already."""
+        return [self._kept[name] for name in names]
 
     @contextmanager
     def watched(self) -> Iterator[SharedTime]:

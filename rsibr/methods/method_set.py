@@ -95,7 +95,8 @@ class MethodSet(Mapping[str, Method]):
         if not options:
             made.name = name
         bake, prepared = self.inputs.bake, own + shared.seconds_ever
-        made.cost = Cost(bake.seconds, bake.bytes, prepared, device_bytes(made))
+        on_device = device_bytes([getattr(made, "__dict__", made), *self.inputs.made(shared.used)])
+        made.cost = Cost(bake.seconds, bake.bytes, prepared, on_device)
         return made
 
 

@@ -9,6 +9,7 @@ Modules below `rsibr/methods/` are found by import, methods of installed package
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import inspect
 import pkgutil
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from rsibr.errors import InputError
 from rsibr.methods.protocol import Method, Needs
+from rsibr.source_code import definition_digest, source_digest
 
 if TYPE_CHECKING:
     from rsibr.store.stored_maps import StoredMaps
@@ -200,6 +202,21 @@ def default_method(bake: StoredMaps | None = None) -> str:
     by_role = {one.role: one for one in registrations().values()}
     usable = [by_role[role] for role in ("default", "baseline") if bake is None or by_role[role].serves(bake)]
     return (usable or [by_role["default"]])[0].name
+
+
+def method_digest(name: str) -> str:
+    """SHA-256 over the code of a method: all of `rsibr.methods`, and the package that defines the method.
+
+    Parameters
+    ----------
+    name : str
+        Name of a method; that of an alias stands for the method itself and its fixed options.
+    """
+    found = registration(name)
+    make = registration(found.alias_of or name).make
+    foreign = not make.__module__.startswith("rsibr.")
+    code = [source_digest("rsibr.methods"), *([definition_digest(make)] if foreign else [])]
+    return hashlib.sha256(f"{code} {dict(found.fixed)}".encode()).hexdigest()
 
 
 def judged_by_lobe(name: str) -> bool:

@@ -24,7 +24,18 @@ def differences(found: Manifest, wanted: Manifest) -> list[str]:
         Entries such as "sampling.samples: 64 → 128", at most eight and the number of the others; empty if the two bakes
         are bit-identical.
     """
-    old, new = _fixing_the_bits(found), _fixing_the_bits(wanted)
+    return changes(_fixing_the_bits(found), _fixing_the_bits(wanted))
+
+
+def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    """List the values that differ in two tables, by dotted key; see `differences`.
+
+    Parameters
+    ----------
+    old, new : mapping
+        JSON data; tables may be nested.
+    """
+    old, new = dict(_flatten(old)), dict(_flatten(new))
     keys = [key for key in dict.fromkeys([*old, *new]) if old.get(key, _ABSENT) != new.get(key, _ABSENT)]
     # Keys of the config are shown as in TOML and in --set
     shown = [

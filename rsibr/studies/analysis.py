@@ -30,16 +30,25 @@ class SlopeRecord(Record):
     ci95: tuple[float, float]
     scale: Positive
     seconds: tuple[float, float] = Field(description="range of the times that it was fitted to")
+    points: int = Field(description="that it was fitted to")
+    is_measured: bool = Field(description="the interval is narrow enough for a statement; else the slope is unknown")
 
     @classmethod
     def of(cls, law: PowerLaw) -> SlopeRecord:
         """Record of a fit."""
-        return cls(slope=law.slope, ci95=law.ci95, scale=law.scale, seconds=law.range)
+        return cls(
+            slope=law.slope,
+            ci95=law.ci95,
+            scale=law.scale,
+            seconds=law.range,
+            points=law.points,
+            is_measured=law.is_measured,
+        )
 
     @property
     def law(self) -> PowerLaw:
         """The fitted power law."""
-        return PowerLaw(self.slope, self.scale, self.ci95, self.seconds)
+        return PowerLaw(self.slope, self.scale, self.ci95, self.seconds, self.points)
 
 
 class ConvergenceRecord(Record):
@@ -72,13 +81,16 @@ class RivalRow(Record):
     label: str
     rel_mse: float
     job_seconds: Positive = Field(description="bake, preparation, compilation and all pictures of the job")
-    path_tracing_rel_mse: Positive = Field(description="relMSE of path tracing in the same time")
+    path_tracing_rel_mse: Positive | None = Field(
+        description="relMSE of path tracing in the same time; null beyond its measured times if its slope is unknown"
+    )
     frame_seconds: Positive
     path_tracing_seconds: float | None = Field(
-        description="path-traced picture of equal relMSE; null if that is not positive"
+        description="path-traced picture of equal relMSE; null if that is not positive, or not measurable"
     )
     break_even_views: int | None = Field(
-        description="pictures after which bake, preparation and compilation have paid for themselves; null: never"
+        description="pictures after which bake, preparation and compilation have paid for themselves; null: never, or "
+        "unknown where path_tracing_seconds is null"
     )
     extrapolated: bool = Field(description="the value for path tracing lies outside the measured range")
 
@@ -89,8 +101,11 @@ class CrossoverRecord(Record):
     pictures: int
     from_seconds: float | None = Field(description="of the whole job; null: never")
     from_point: str | None
-    until_seconds: float | None = Field(description="when path tracing reaches the error of that point; null: never")
+    until_seconds: float | None = Field(
+        description="when path tracing reaches the error of that point; null: never, or not measurable"
+    )
     until_point: str | None
+    is_measured: bool = Field(True, description="false where times of path tracing are beyond what was measured")
 
 
 class SceneAnalysis(Record):
@@ -177,18 +192,23 @@ def _front(points: Sequence[PointRecord], cost: Callable[[PointRecord], float]) 
 
 def _rival(point: PointRecord, law: PowerLaw, frames: int) -> RivalRow:
     job, frame = point.job_seconds(frames), point.frame_seconds.median
-    equal = law.where(point.rel_mse)
+    equal = _within(law, law.where(point.rel_mse))
     asked = [job / frames, *([equal] if equal else [])]
     return RivalRow(
         label=point.label,
         rel_mse=point.rel_mse,
         job_seconds=job,
-        path_tracing_rel_mse=law.at(job / frames),
+        path_tracing_rel_mse=law.at(job / frames) if law.covers(job / frames) else None,
         frame_seconds=frame,
         path_tracing_seconds=equal,
         break_even_views=None if equal is None else break_even_views(point.once_seconds, equal, frame),
         extrapolated=any(not law.range[0] <= seconds <= law.range[1] for seconds in asked),
     )
+
+
+def _within(law: PowerLaw, seconds: float | None) -> float | None:
+    """Return the time if the law can be trusted there, else None."""
+    return seconds if seconds is not None and law.covers(seconds) else None
 
 
 def crossover(points: Sequence[PointRecord], law: PowerLaw, pictures: int) -> CrossoverRecord:
@@ -203,10 +223,16 @@ def crossover(points: Sequence[PointRecord], law: PowerLaw, pictures: int) -> Cr
         Pictures of the job; path tracing spends an equal share of the time on each.
     """
     jobs = [(point.job_seconds(pictures), point) for point in points]
-    better = [(job, point) for job, point in jobs if point.rel_mse < law.at(job / pictures)]
+    known = [(job, point) for job, point in jobs if law.covers(job / pictures)]
+    better = [(job, point) for job, point in known if point.rel_mse < law.at(job / pictures)]
     if not better:
         return CrossoverRecord(
-            pictures=pictures, from_seconds=None, from_point=None, until_seconds=None, until_point=None
+            pictures=pictures,
+            from_seconds=None,
+            from_point=None,
+            until_seconds=None,
+            until_point=None,
+            is_measured=len(known) == len(jobs),
         )
     start, first = min(better, key=lambda found: found[0])
     best = min((point for _, point in better), key=lambda point: point.rel_mse)
@@ -215,6 +241,7 @@ def crossover(points: Sequence[PointRecord], law: PowerLaw, pictures: int) -> Cr
         pictures=pictures,
         from_seconds=start,
         from_point=first.label,
-        until_seconds=None if overtaken is None else pictures * overtaken,
+        until_seconds=None if overtaken is None or not law.covers(overtaken) else pictures * overtaken,
         until_point=best.label,
+        is_measured=overtaken is None or law.covers(overtaken),
     )

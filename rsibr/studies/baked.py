@@ -8,6 +8,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.methods.device_size import device_bytes
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
 from rsibr.methods.reconstruction import run
@@ -18,7 +19,7 @@ from rsibr.studies.judged_scene import JudgedScene
 from rsibr.studies.lobes import mean_lobe_errors
 from rsibr.studies.noise import noise_of, noisy_maps, without
 from rsibr.studies.results import BakeRecord, ErrorRecord, PointRecord, Timing, label_of, mean_model
-from rsibr.studies.variants import bytes_read, opened_at, variant_of
+from rsibr.studies.variants import opened_at, variant_of
 from rsibr.validation.eval_error import judge_eval
 from rsibr.validation.metrics import compare
 from rsibr.validation.report.estimate_document import EstimateModel
@@ -69,6 +70,7 @@ class BakedMaps:
         """Error and cost of the pictures of all judged views."""
         judged, method = self.judged, variant_of(self._at(variant.precision), variant)
         made = self._timed(method)
+        on_device = max(method.cost.device_bytes, device_bytes(method))  # with the tables of this size of picture
         pairs = zip(made.images, judged.references, strict=True)
         error = ErrorRecord.of([compare(image, truth, judged.exposures, name=str(variant)) for image, truth in pairs])
         eval_rel_mse, eval_seconds = self._eval_of(method)
@@ -86,7 +88,7 @@ class BakedMaps:
             prepare_seconds=method.cost.prepare_seconds,
             compile_seconds=made.compile_seconds,
             frame_seconds=made.seconds,
-            bytes=bytes_read(self.bake, variant.method, variant.precision),
+            bytes=on_device,
         )
 
     def _timed(self, method: Method) -> TimedPictures:

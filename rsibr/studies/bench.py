@@ -13,6 +13,7 @@ from rsibr import clock
 from rsibr.baking.baker import bake
 from rsibr.baking.scene import Scene
 from rsibr.errors import BakeError
+from rsibr.methods.registry import method_digest
 from rsibr.store.atomic import checksum
 from rsibr.store.bake import Bake
 from rsibr.store.manifest import canonical
@@ -28,7 +29,7 @@ from rsibr.studies.results import (
 )
 from rsibr.studies.scene import StudyScene
 
-_FORMAT = 2
+_FORMAT = 3
 """Version of the records in the journal; those of another version are measured anew."""
 
 
@@ -88,7 +89,7 @@ class Bench:
 
     def known_point(self, size: BakeSize, variant: Variant) -> PointRecord | None:
         """Return a stored point, None without one."""
-        known = self.journal.find(self.key("point", size=vars(size), variant=vars(variant)))
+        known = self.journal.find(self._point_key(size, variant))
         return None if known is None else PointRecord.model_validate_json(canonical(known))
 
     def measure(self, size: BakeSize, variant: Variant) -> PointRecord:
@@ -98,7 +99,7 @@ class Bench:
         point = cast(BakedMaps, self._opened).measure(variant)
         as_float32 = str(replace(variant, precision="float32"))  # kernels read float32 in any case
         point = point.model_copy(update={"compile_seconds": self._longest(as_float32, point.compile_seconds)})
-        self.journal.store(self.key("point", size=vars(size), variant=vars(variant)), point.model_dump(mode="json"))
+        self.journal.store(self._point_key(size, variant), point.model_dump(mode="json"))
         return point
 
     def bake(self, size: BakeSize) -> None:
@@ -125,6 +126,10 @@ class Bench:
     def opened(self) -> BakedMaps | None:
         """The opened bake."""
         return self._opened
+
+    def _point_key(self, size: BakeSize, variant: Variant) -> dict[str, Any]:
+        """Key of a point: the method counts with its code, because a version number stays through many changes."""
+        return self.key("point", size=vars(size), variant=vars(variant), method_code=method_digest(variant.method))
 
     def _bake_key(self, size: BakeSize) -> dict[str, Any]:
         return {"kind": "bake", **self.scene.content, "size": vars(size)}

@@ -14,6 +14,15 @@ LEAST_POINTS = 3
 """Fewest points of a slope; two have no scatter for a confidence interval."""
 
 
+WIDEST = 2.0
+"""Largest ratio of the ends of a 95 % interval for which a gain of twice the time is told; half a unit of a slope."""
+
+_EQUAL = 1e-9
+"""Spread of logarithms below which values differ by rounding."""
+
+_UNKNOWN = 100.0
+"""Half the interval of a slope that equal x do not tell."""
+
 LEAST_FALL = 0.05
 """Slope below which a line counts as level: where it would reach another value is beyond all that was measured."""
 
@@ -29,12 +38,24 @@ class PowerLaw:
         Confidence interval of the slope, from the scatter of the points about the line.
     range : tuple of two floats
         Least and largest x that it was fitted to.
+    points : int
+        Number of points that it was fitted to.
     """
 
     slope: float
     scale: float
     ci95: tuple[float, float]
     range: tuple[float, float]
+    points: int = LEAST_POINTS
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether the interval of the slope is narrow enough for a statement on twice the time; see `WIDEST`."""
+        return self.ci95[1] - self.ci95[0] <= math.log2(WIDEST)
+
+    def covers(self, x: float) -> bool:
+        """Whether the line can be trusted at x: within the measured range, or anywhere if the slope is measured."""
+        return self.is_measured or self.range[0] <= x <= self.range[1]
 
     def at(self, x: float) -> float:
         """Value at x > 0."""
@@ -53,7 +74,7 @@ def fit_power_law(x: Sequence[float], y: Sequence[float]) -> PowerLaw:
     Parameters
     ----------
     x, y : sequence of float
-        At least three, positive.
+        At least three, positive. Where all x are equal the slope is 0, and its interval says that it is unknown.
 
     Raises
     ------
@@ -63,11 +84,14 @@ def fit_power_law(x: Sequence[float], y: Sequence[float]) -> PowerLaw:
     if len(x) < LEAST_POINTS or min(*x, *y) <= 0:
         raise ValueError("a slope needs three points at least, all positive")
     log_x, log_y = np.log(x), np.log(y)
+    spread = float(np.sum((log_x - log_x.mean()) ** 2))
+    if spread < _EQUAL**2:
+        return PowerLaw(0.0, math.exp(log_y.mean()), (-_UNKNOWN, _UNKNOWN), (min(x), max(x)), len(x))
     slope, intercept = (float(c) for c in np.polyfit(log_x, log_y, 1))
     scatter = float(np.sum((log_y - slope * log_x - intercept) ** 2)) / (len(x) - 2)
-    error = math.sqrt(scatter / float(np.sum((log_x - log_x.mean()) ** 2)))
+    error = math.sqrt(scatter / spread)
     reach = float(student_t.ppf(0.975, len(x) - 2)) * error
-    return PowerLaw(slope, math.exp(intercept), (slope - reach, slope + reach), (min(x), max(x)))
+    return PowerLaw(slope, math.exp(intercept), (slope - reach, slope + reach), (min(x), max(x)), len(x))
 
 
 @dataclass(frozen=True)

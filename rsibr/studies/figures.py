@@ -32,7 +32,7 @@ _ONE_VALUE = 1 + 1e-6
 
 _COST_LABELS = {
     "once_seconds": ("before the first", "s"),
-    "bytes": ("in memory", "B"),
+    "bytes": ("on the device", "B"),
     "frame_seconds": ("a picture", "s"),
 }
 
@@ -87,9 +87,12 @@ def headline(document: StudyDocument) -> Figure:
     for record in document.doubling:
         colour = colour_of(record.method)
         left.plot(record.seconds, record.rel_mse, "-o", color=colour, markersize=4.5, label=record.method)
-        known = [(t, gain) for t, gain in zip(record.seconds, record.gain, strict=True) if gain is not None]
-        if known:
-            right.plot(*zip(*known, strict=True), "-o", color=colour, markersize=4.5, label=record.method)
+        rows = zip(record.seconds, record.gain, record.gain_ci95, strict=True)
+        known = np.array([(t, gain, *ci) for t, gain, ci in rows if gain is not None and ci is not None])
+        if len(known):
+            t, gain, low, high = known.T
+            bars, options = [gain - low, high - gain], {"markersize": 4.5, "capsize": 2, "label": record.method}
+            right.errorbar(t, gain, yerr=bars, fmt="-o", color=colour, **options)
     _name_ends(left, document.doubling)
     _floor(left, min(scene.reference.noise_floor for scene in document.scenes))
     _logarithmic(left)
@@ -128,7 +131,8 @@ def convergence(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
     _logarithmic(axes)
     axes.set(ylabel="relMSE", xlabel="rendering time: of the views of a bake, or of one path-traced picture")
     _count_in(axes, "s")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8.5)
+    if axes.get_legend_handles_labels()[0]:  # a black scene has nothing to name
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8.5)
     return figure
 
 
@@ -196,7 +200,7 @@ def _rival(axes: Axes, rivals: Sequence[PathTracingRecord], law: PowerLaw, name:
     _with_bars(axes, [r.seconds.median for r in rivals], [r.error.rel_mse for r in rivals], colour, "s")
     if not any(r.error.rel_mse.value > 0 for r in rivals):
         return  # a black scene: its law is that of placeholders
-    label = f"{name}, slope {law.slope:.2f}".replace("-", "−")
+    label = f"{name}, slope {law.slope:.2f}".replace("-", "−") if law.is_measured else name
     axes.plot(law.range, [law.at(x) for x in law.range], color=colour, linewidth=1, label=label)
 
 
@@ -208,7 +212,8 @@ def _curve(axes: Axes, curve: ConvergenceRecord, points: Sequence[PointRecord], 
     samples = np.geomspace(points[0].bake.samples, points[-1].bake.samples, 64)
     rising = np.maximum.accumulate(seconds)  # timing noise may make the times non-monotonic
     times = np.interp(samples, [point.bake.samples for point in points], rising)
-    slope = "" if curve.slope is None else f", slope {curve.slope.slope:.2f}".replace("-", "−")
+    told = curve.slope is not None and curve.slope.is_measured
+    slope = f", slope {curve.slope.slope:.2f}".replace("-", "−") if told and curve.slope else ""
     axes.plot(times, curve.bias + curve.noise / samples, color=colour, linewidth=1, label=f"{curve.label}{slope}")
     if curve.bias > 0:
         axes.plot([rising[0], rising[-1]], [curve.bias] * 2, ":", color=colour, linewidth=1)
@@ -235,7 +240,7 @@ def _with_bars(axes: Axes, x: Sequence[float], estimates: Sequence[Any], colour:
 
 def _logarithmic(axes: Axes, which: str = "xy") -> None:
     """Make axes logarithmic; axes without positive data, as of a black scene, or of one value get fixed limits."""
-    for name, low, high in zip("xy", axes.dataLim.minpos, axes.dataLim.max, strict=True):
+    for name, low, high in zip("xy", np.asarray(axes.dataLim.minpos), axes.dataLim.max, strict=True):
         if name in which:
             if not 0 < high < np.inf:
                 axes.set(**{f"{name}lim": (0.1, 1)})

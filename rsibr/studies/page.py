@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from rsibr.studies import figures
-from rsibr.studies.analysis import SceneAnalysis
+from rsibr.studies.analysis import SceneAnalysis, SlopeRecord
 from rsibr.studies.document import StudyDocument
 from rsibr.studies.doubling import DoublingRecord
 from rsibr.studies.results import PointRecord, SceneRecord
@@ -89,7 +89,7 @@ def study_page(document: StudyDocument, drawn: Drawn) -> str:
     """
     loader = ChoiceLoader([PackageLoader(room, ".") for room in ("rsibr.studies", "rsibr.validation.report")])
     environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    environment.filters |= {"number": number, "duration": duration, "size": size, "estimate": estimate}
+    environment.filters |= {"number": number, "duration": duration, "size": size, "estimate": estimate, "slope": slope}
     template = environment.get_template("study.html.j2")
     return template.render(
         document=document,
@@ -109,6 +109,16 @@ def estimate(value: EstimateModel) -> str:
     return f"{number(value.value)}\u00a0±\u00a0{number((high - low) / 2, 2)}"
 
 
+def slope(record: SlopeRecord | None) -> str:
+    """Format a slope with its 95 % interval; or that its points do not tell it."""
+    if record is None:
+        return "–"
+    if not record.is_measured:
+        return f"not measurable from {record.points} points"
+    low, high = record.ci95
+    return f"{record.slope:.2f} ({low:.2f} to {high:.2f})".replace("-", "\u2212")
+
+
 def answer(records: Sequence[DoublingRecord], frames: int) -> list[str]:
     """Describe the gain of twice the time in one sentence for each method.
 
@@ -124,12 +134,19 @@ def answer(records: Sequence[DoublingRecord], frames: int) -> list[str]:
 def _sentence(record: DoublingRecord, frames: int) -> str:
     start, end = duration(record.seconds[0]), duration(record.seconds[-1])
     reach = f"from {readable(record.rel_mse[0])} in {start} to {readable(record.rel_mse[-1])} in {end}"
-    known = [gain for gain in record.gain if gain is not None]
+    known = [(gain, ci) for gain, ci in zip(record.gain, record.gain_ci95, strict=True) if gain is not None and ci]
     if not known:
-        return f"{record.method}: {reach} for {frames} pictures; no longer time was measured to compare with."
-    first, last = readable(known[0], 2), readable(known[-1], 2)
+        count = f"{record.points} point{'' if record.points == 1 else 's'}"
+        return (
+            f"{record.method}: {reach} for {frames} pictures; what twice the time buys is not measurable from {count}."
+        )
+    first, last = _gain(*known[0]), _gain(*known[-1])
     buys = f"divides the error by {first}" + ("" if first == last else f" at first and by {last} at the end")
     return f"{record.method}: {reach} for {frames} pictures; twice the time {buys}."
+
+
+def _gain(gain: float, ci95: tuple[float, float]) -> str:
+    return f"{readable(gain, 2)} ({readable(ci95[0], 2)} to {readable(ci95[1], 2)})"
 
 
 def _shown(scene: SceneRecord, analysis: SceneAnalysis) -> _Shown:

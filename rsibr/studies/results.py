@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -35,6 +36,11 @@ class Timing(Record):
         """Summarise the times of equal work."""
         low, median, high = (float(q) for q in np.quantile(np.asarray(seconds, np.float64), (0.25, 0.5, 0.75)))
         return cls(median=median, low=low, high=high, runs=len(seconds))
+
+    @property
+    def relative_error(self) -> float:
+        """Standard error of the median over the median, from the quartiles, as of a normal distribution."""
+        return 1.253 * (self.high - self.low) / 1.349 / math.sqrt(self.runs) / max(self.median, 1e-30)
 
     def times(self, count: int) -> Timing:
         """Time of `count` times the work."""
@@ -128,7 +134,7 @@ class PointRecord(Record):
         description="first picture's time beyond the others: tracing, compilation; the longest of the same variant"
     )
     frame_seconds: Timing = Field(description="a picture, nothing compiled")
-    bytes: int = Field(description="what the method reads, in memory: three channels a texel, at the precision given")
+    bytes: int = Field(description="arrays of the method on the device after its pictures, shared ones included")
 
     @property
     def rel_mse(self) -> float:

@@ -19,11 +19,12 @@ from rsibr.studies.bench import Bench
 from rsibr.studies.config import StudyConfig, load_study, parse_study
 from rsibr.studies.document import JudgeRecord, MachineRecord, StepRecord, StudyDocument
 from rsibr.studies.doubling import doubling_of
+from rsibr.studies.feasible import check_folders, check_sizes
 from rsibr.studies.forecast import Forecast, Step
 from rsibr.studies.journal import Journal, lock_study
 from rsibr.studies.judged_scene import JudgedScene
 from rsibr.studies.page import Drawn
-from rsibr.studies.report import write_study
+from rsibr.studies.report import CSV_NAME, JSON_NAME, PAGE_NAME, write_study
 from rsibr.studies.results import PointRecord, SceneRecord
 from rsibr.studies.scene import judged_views, load_scenes
 from rsibr.studies.truth import TruthStore
@@ -99,11 +100,11 @@ def study(
     Raises
     ------
     InputError
-        If the config, an environment or a material is wrong.
+        If the config, an environment or a material is wrong, or no bake of it can serve a method.
     BakeError
         If another study writes into `out`, or it may not be written to.
     MachineError
-        If the machine has no usable backend, or the disk is full.
+        If the machine has no usable backend, the disk is full, or a size of the sweeps fits nowhere.
     """
     with clock.counting() as begun:
         settings = _settings(config)
@@ -111,6 +112,8 @@ def study(
         backend.use()
         folder = Path(out)
         with lock_study(folder):
+            check_folders(folder, (BAKES_NAME, REFERENCES_NAME, JOURNAL_NAME), (JSON_NAME, CSV_NAME, PAGE_NAME))
+            check_sizes(settings, agenda, _judged_resolution(settings, agenda), folder)
             benches = _benches(settings, agenda, folder)
             return _Run(settings, agenda, benches, folder, begun).done(on_progress)
 
@@ -188,8 +191,12 @@ def _settings(config: StudyConfig | Mapping[str, Any] | Path | str) -> StudyConf
     return parse_study(config) if isinstance(config, Mapping) else load_study(Path(config))
 
 
+def _judged_resolution(settings: StudyConfig, agenda: Agenda) -> int:
+    return settings.judge.resolution or max(size.resolution for size in agenda)
+
+
 def _benches(settings: StudyConfig, agenda: Agenda, folder: Path) -> list[Bench]:
-    resolution = settings.judge.resolution or max(size.resolution for size in agenda)
+    resolution = _judged_resolution(settings, agenda)
     frames, journal = judged_views(settings), Journal(folder / JOURNAL_NAME)
     store, compiled = TruthStore(folder / REFERENCES_NAME, journal), dict[str, float]()
     return [

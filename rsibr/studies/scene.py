@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.backend import Rendering
+from rsibr.baking.finished import baking_code
 from rsibr.baking.scene import Scene
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.novel_views import novel_views
@@ -22,6 +23,7 @@ from rsibr.scene.config import Config
 from rsibr.scene.environment import Environment
 from rsibr.scene.material import Material
 from rsibr.scene.views import load_viewpoints
+from rsibr.source_code import source_digest
 from rsibr.store.atomic import file_checksum
 from rsibr.studies.config import StudyConfig
 from rsibr.studies.path_tracing import PathTracer
@@ -29,6 +31,12 @@ from rsibr.version import __version__
 
 _VIEW_BRANCH = 0x7374_7564
 """Branch of the seed tree (the letters "stud") that the judged views are drawn from."""
+
+JUDGING = (
+    "rsibr.validation",
+    *(f"rsibr.studies.{name}" for name in ("bench", "baked", "lobes", "noise", "path_tracing", "truth", "variants")),
+)
+"""Modules whose code determines errors and times of pictures, beside those that bake and those of the methods."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,12 +106,13 @@ class StudyScene:
             "views": None if self.config.views.file is None else file_checksum(self.config.views.file),
             "variant": mi.variant(),
             "versions": {name: version(name) for name in ("mitsuba", "drjit")} | {"rsibr": __version__},
+            "code": baking_code(),
         }
 
     @property
     def identity(self) -> dict[str, Any]:
         """Everything that a picture of this scene depends on."""
-        return {**self.content, "resolution": self.resolution}
+        return {**self.content, "resolution": self.resolution, "judging code": source_digest(*JUDGING)}
 
 
 def load_scenes(study: StudyConfig, resolution: int) -> list[StudyScene]:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
-from rsibr.methods.registry import registration
 from rsibr.store.described_maps import AlteredMaps
 from rsibr.store.health import LARGEST_HALF
 from rsibr.store.map_file import MapFile
@@ -18,13 +17,11 @@ from rsibr.store.stored_maps import StoredMaps
 from rsibr.studies.agenda import Variant, own_weights
 from rsibr.studies.axes import mesh_of
 
-_FLOAT_BYTES = {"float32": 4, "float16": 2}
-
 
 def half_maps(bake: StoredMaps) -> AlteredMaps:
     """A bake with radiance rounded to float16 and clamped to the largest finite half.
 
-    The kernels still read float32: error and bytes are those of half floats, the time is not.
+    The error is that of half floats; time and bytes are not, because kernels read the format of all maps.
     """
 
     def rounded(_index: int, stored: MapFile) -> MapFile:
@@ -46,13 +43,6 @@ def variant_of(methods: MethodSet, variant: Variant) -> Method:
     if (mesh := mesh_of(variant.warp)) is not None:
         options["mesh"] = mesh
     return methods.variant(variant.method, **options) if options else methods[variant.method]
-
-
-def bytes_read(bake: StoredMaps, method: str, precision: str) -> int:
-    """Memory that a method reads [bytes]: three channels a texel of each map, and the light if needed."""
-    needs, texels = registration(method).needs, bake.view_count * bake.resolution**2
-    maps = 3 * _FLOAT_BYTES[precision] * texels
-    return maps + (bake.light.nbytes if needs.light else 0)
 
 
 def _half(image: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,6 +1,7 @@
 """Budgets of a whole bake: what is set stays, what is chosen is recorded, what cannot be promised is refused."""
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from rsibr.budget.choose import LEAST_SAMPLES, choose
 from rsibr.budget.probe import ProbedScene, surrounding, upper_bound
 from rsibr.errors import BakeError, InputError
 from rsibr.geometry.viewpoints import icosphere
+from rsibr.scene.config import parse_config, read_toml
+from tests.scene.maps import write_exr
 
 CONFIG = """
 [environment]
@@ -64,8 +67,38 @@ def test_resumed_it_chooses_nothing_anew_and_ends_bit_identical(config, tmp_path
     again = rsibr.bake(config, out=baked.path, overrides=SMALL)
     assert map_bytes(again.path) == kept
     assert again.manifest.budget.chosen == baked.manifest.budget.chosen
-    with pytest.raises(BakeError, match="another config or budget"):
-        rsibr.bake(config, out=baked.path, overrides=[*SMALL, "budget.error=0.04"])
+    changes = ["map.resolution=64", "budget.error=0.04", "budget.seconds=9", "sampling.seed=4", "sampling.clamp=2.0"]
+    changes += ["sampling.samples=64", "views.subdivision=0", "effects.lobe_views=on"]
+    for change in changes:  # whatever is set is held against what the finished bake was asked for
+        with pytest.raises(BakeError, match=f"another config \\(.*{change.partition('=')[0]}: .* → .*--fresh"):
+            rsibr.bake(config, out=baked.path, overrides=[*SMALL, change])
+    for change, name in (("material.preset=matte-lambert", "material"), ("environment.scale=2.0", "environment")):
+        with pytest.raises(BakeError, match=f"{name}.content: .* → .*--fresh"):
+            rsibr.bake(config, out=baked.path, overrides=[*SMALL, change])
+    plain = rsibr.bake(baked.manifest.budget.resolved, out=tmp_path / "plain.rsibr")
+    with pytest.raises(BakeError, match=r"without a budget.*--fresh"):
+        rsibr.bake(config, out=plain.path, overrides=SMALL)
+    assert map_bytes(baked.path) == kept
+
+
+def test_a_finished_bake_is_held_against_the_content_of_its_files(config, tmp_path):
+    sky = tmp_path / "sky.exr"
+    sky.write_bytes(Path(parse_config(read_toml(config), tmp_path).environment.file).read_bytes())
+    overrides = [*SMALL, f"environment.file={sky}", "sampling.samples=64"]
+    baked = rsibr.bake(config, out=tmp_path / "b.rsibr", overrides=overrides)
+    write_exr(sky, np.full((8, 16, 3), 0.5, np.float32))
+    with pytest.raises(BakeError, match=r"environment.content: .* → "):
+        rsibr.bake(config, out=baked.path, overrides=overrides)
+
+
+def test_a_bake_of_other_code_is_not_reused(config, tmp_path, monkeypatch):
+    """One of the same version number too: it may hold other radiance."""
+    overrides = [*SMALL, "sampling.samples=64"]
+    baked = rsibr.bake(config, out=tmp_path / "b.rsibr", overrides=overrides)
+    for place in ("baker", "finished"):
+        monkeypatch.setattr(f"rsibr.baking.{place}.baking_code", lambda: "0" * 64)
+    with pytest.raises(BakeError, match=r"code of rsibr: .* → 000000000000"):
+        rsibr.bake(config, out=baked.path, overrides=overrides)
 
 
 def test_what_the_config_sets_stays(config):

@@ -1,5 +1,6 @@
 """Promises, held against path-traced truth that shares nothing with what made them."""
 
+import numpy as np
 import pytest
 
 from tests.budget.promises import error_of_new_views, noise_of_stored_maps
@@ -25,6 +26,10 @@ def test_nine_of_ten_promised_errors_are_kept():
 
 
 @pytest.mark.slow
-def test_nine_of_ten_promised_noises_are_kept():
+def test_promised_noises_are_kept_closely():
+    """And not kept much too well: samples that no promise asked for are time that no user asked for."""
     made = [noise_of_stored_maps(material, environment, 1e-3) for material, environment in PAIRS]
-    assert sum(one.kept for one in made) >= 9, "\n".join(map(str, made))
+    ratios = [one.reached / one.promised for one in made]
+    assert sum(ratio <= 1.05 for ratio in ratios) >= 9, "\n".join(map(str, made))
+    assert max(ratios) < 1.2, "\n".join(map(str, made))
+    assert 0.8 < np.median(ratios) < 1.0, "\n".join(map(str, made))

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from rsibr.geometry.frame import view_frame
+from rsibr.methods.method_set import MethodSet
+from rsibr.methods.registry import method_names
 from tests.arrays import unit_vectors
 from tests.methods.scene import method, mirror_sphere
 from tests.methods.warp_blend.test_lobe_warp import coated, lobed, schlick
@@ -55,6 +57,39 @@ def test_from_the_second_view_on_nothing_is_traced_or_compiled(name, rng):
     assert made._frozen.recordings == 1
     assert len(launched) >= 2 * len(frames[1:])
     assert all(k["cache_hit"] and k["recording_mode"] == dr.KernelRecordingMode.Replayed for k in launched)
+
+
+@pytest.mark.parametrize("name", method_names())
+def test_sizes_in_turn_are_each_recorded_once(small_bakes, name, rng):
+    """Of every method of a bake: a size that comes back is replayed, whatever other sizes came between."""
+    made = MethodSet(small_bakes("clearcoat-red"))[name]
+    sizes = (32, 48, 32, 64, 32, 48)
+    for resolution, view in zip(sizes, unit_vectors(rng, len(sizes)), strict=True):
+        frame = view_frame(view)
+        replayed = made.map(frame, resolution).numpy().ravel()
+        assert np.array_equal(replayed, traced(made, frame, resolution))
+    assert made._frozen.recordings == len(set(sizes))
+
+
+@pytest.mark.parametrize("name", ["cabral1999", "cabral1999-mesh", "rsibr"])
+def test_eval_compiles_nothing_for_another_number_of_points(small_bakes, name, rng):
+    made = MethodSet(small_bakes("clearcoat-red"))[name]
+
+    def points(count):
+        n, other = (dr.normalize(mi.Vector3f(np.array(unit_vectors(rng, count), np.float32).T)) for _ in range(2))
+        v = dr.normalize(n + 0.5 * other)
+        dr.eval(n, v)
+        return n, v
+
+    first, *others = [points(count) for count in (40, 90, 40, 160, 40, 90)]
+    dr.eval(made.eval(*first))
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        for pair in others:
+            dr.eval(made.eval(*pair))
+        launched = [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT]
+    assert launched
+    assert all(kernel["cache_hit"] for kernel in launched)
 
 
 def test_a_map_outlives_the_next_one(rng):

@@ -38,7 +38,7 @@ def error(value: float) -> ErrorRecord:
 
 
 def timing(seconds: float) -> Timing:
-    return Timing(median=seconds, low=0.9 * seconds, high=1.2 * seconds, runs=5)
+    return Timing(median=seconds, low=0.98 * seconds, high=1.04 * seconds, runs=5)
 
 
 def point(

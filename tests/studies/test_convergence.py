@@ -7,6 +7,7 @@ import pytest
 
 from rsibr.studies.analysis import analyse, convergence_of, crossover
 from rsibr.studies.convergence import fit_flattening, fit_power_law
+from rsibr.studies.page import slope
 from tests.studies.doubles import converging, path_traced, point, scene
 
 
@@ -145,3 +146,24 @@ def test_fronts_name_what_is_dominated_and_by_what():
 def test_what_a_reference_cannot_tell_from_none_is_no_zero_of_path_tracing():
     lost = [path_traced(n, noise=noise) for n, noise in ((64, 1.0), (256, 1.0), (1024, -1e-3))]
     assert np.isfinite(analyse(scene([point(0.01, 1.0)], path_tracing=lost), frames=1).path_tracing.slope)
+
+
+def test_equal_times_tell_no_slope():
+    """As of pictures whose time is all overhead."""
+    law = fit_power_law([0.5, 0.5, 0.5 * (1 + 1e-15)], [3.0, 2.0, 1.0])
+    assert not law.is_measured
+    assert law.where(1.0) is None
+
+
+def test_an_unknown_slope_says_nothing_beyond_the_measured_times():
+    """Within them the line interpolates; a slope of three scattered points tells nothing outside."""
+    noisy = [path_traced(n, noise=noise) for n, noise in ((64, 3.0), (144, 0.5), (256, 0.2))]
+    found = analyse(scene([point(1e-9, 0.1, frame_seconds=0.001), point(0.02, 1000.0)], path_tracing=noisy), 1)
+    assert not found.path_tracing.is_measured
+    inside, outside = found.rivals
+    assert inside.path_tracing_rel_mse is not None
+    assert inside.path_tracing_seconds is None
+    assert outside.path_tracing_rel_mse is None
+    assert not found.crossover[0].is_measured
+    assert slope(found.path_tracing) == "not measurable from 3 points"
+    assert slope(found.progressive) == "\u22121.00 (\u22121.00 to \u22121.00)"

@@ -12,6 +12,7 @@ from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
 from rsibr.methods.rsibr.half_vector_lobes import HalfVectorLobes
+from rsibr.methods.rsibr.half_vector_pyramid import finest_resolution
 from rsibr.methods.rsibr.residual_method import ResidualMethod, ResidualOptions, residual_method
 from rsibr.methods.rsibr.rsibr_fine import RsibrFine, lobe_integrals
 from rsibr.methods.rsibr.view_nodes import ViewNodes
@@ -53,10 +54,12 @@ class Rsibr(ResidualMethod):
 
     prefilter: Callable[[int], HalfVectorLobes] = field(kw_only=True)
     points: Callable[[], RsibrPoints] = field(kw_only=True)
-    _lobes: dict[int, HalfVectorLobes] = field(default_factory=dict, init=False, repr=False)
+    _lobes: HalfVectorLobes = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        # Not a field: a recording must only see the lobes of its own resolution, or each new one would record all anew
+        self._lobes_by_size: dict[int, HalfVectorLobes] = {}
         self._points: RsibrPoints | None = None  # not a field: the recorded kernels of maps do not depend on it
 
     @backend.in_session
@@ -68,17 +71,19 @@ class Rsibr(ResidualMethod):
         return self._points.eval(n, v)
 
     def _prepare(self, resolution: int) -> None:
-        if resolution not in self._lobes:
+        finest = finest_resolution(resolution)
+        if finest not in self._lobes_by_size:
             with self._preparing():
-                self._lobes[resolution] = self.prefilter(resolution)
+                self._lobes_by_size[finest] = self.prefilter(resolution)
+        self._lobes = self._lobes_by_size[finest]
 
-    def _map_tables(self, frame: mi.Matrix3f, resolution: int) -> mi.Float:
-        return self._lobes[resolution].gathered(frame)
+    def _map_tables(self, frame: mi.Matrix3f, resolution: int) -> mi.Float:  # noqa: ARG002
+        return self._lobes.gathered(frame)
 
     def _predicted(
         self, n: mi.Vector3f, frame: mi.Matrix3f, tables: mi.Float, resolution: int, *, mirror: bool = True
     ) -> mi.Color3f:
-        return self._lobes[resolution].radiance(n, frame, tables, mi.Float(2 / resolution), mirror)
+        return self._lobes.radiance(n, frame, tables, mi.Float(2 / resolution), mirror)
 
 
 @register(

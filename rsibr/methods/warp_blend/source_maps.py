@@ -91,9 +91,8 @@ class SourceMaps:
             If the maps exceed the size of one Dr.Jit array.
         """
         count, resolution = radiance.shape[:2]
-        stride = resolution + 2 * _BORDER
-        strips = -(-stride // _STRIP)
-        if _WORDS * count * strips * stride * _STRIP > MAX_WORDS:
+        stride, strips = _strips(resolution)
+        if not fits_device_array(count, resolution):
             raise MachineError(
                 f"{count} maps of {resolution}² do not fit into one device array",
                 fix="lower the resolution or the views",
@@ -144,6 +143,18 @@ class SourceMaps:
     def _across(self, column: mi.UInt32) -> mi.UInt32:
         """Offset of a column's first texel in its map."""
         return dr.fma(column // _STRIP, self.strip_size, column % _STRIP)
+
+
+def fits_device_array(count: int, resolution: int) -> bool:
+    """Whether so many maps, of `resolution` texels a side, can be put on the device."""
+    stride, strips = _strips(resolution)
+    return _WORDS * count * strips * stride * _STRIP <= MAX_WORDS
+
+
+def _strips(resolution: int) -> tuple[int, int]:
+    """Texels down a map with its border, and number of strips."""
+    stride = resolution + 2 * _BORDER
+    return stride, -(-stride // _STRIP)
 
 
 def _filled_outward(image: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:
