@@ -85,6 +85,7 @@ def bake(
     MachineError
         If the machine has no usable backend, or the disk is full.
     """
+    on_progress = backend.unlocked(on_progress)
     with clock.counting() as begun:
         prepared = config if isinstance(config, Scene) else None
         settings = config.config if isinstance(config, Scene) else config_of(config, overrides)

@@ -5,17 +5,19 @@ from __future__ import annotations
 import errno
 import json
 import os
+import select
 import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Any
+from typing import Any, TextIO
 
 import typer
 
 from rsibr import clock
+from rsibr.cli.watchdog import ending_after_grace
 from rsibr.errors import InputError, MachineError, RsibrError
 
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
@@ -45,7 +47,8 @@ def run(command: Callable[[], Any]) -> int:
     """
     try:
         with clock.counting(clock.command_start()), _terminable(), _results_alone_on_stdout():
-            return _ended(command)
+            with ending_after_grace(_say_stuck):
+                return _ended(command)
     except BrokenPipeError:
         return _GONE
     except OSError as error:
@@ -93,10 +96,28 @@ def _interrupted(number: signal.Signals) -> int:
     return 128 + number
 
 
+def _say_stuck(number: signal.Signals) -> None:
+    """Print what `_interrupted` prints, from another thread: never waits for a full pipe or for a lock of a stream."""
+    _write_now(sys.stderr, f"interrupted ({number.name})\n")
+    if "--json" in sys.argv:
+        _write_now(sys.stdout, _json_of(RsibrError("interrupted", where=number.name), 128 + number) + "\n")
+
+
+def _write_now(stream: TextIO, text: str) -> None:
+    """Write to a stream's descriptor if that is possible without waiting."""
+    with suppress(OSError, ValueError):
+        if select.select([], [stream], [], 0)[1]:
+            os.write(stream.fileno(), text.encode())
+
+
+def _json_of(error: RsibrError, exit_code: int) -> str:
+    said = {"what": error.what, "where": error.where, "fix": error.fix, "exit_code": exit_code}
+    return json.dumps({"error": said})
+
+
 def _say_json(error: RsibrError, exit_code: int) -> None:
     if "--json" in sys.argv:
-        said = {"what": error.what, "where": error.where, "fix": error.fix, "exit_code": exit_code}
-        typer.echo(json.dumps({"error": said}))
+        typer.echo(_json_of(error, exit_code))
 
 
 def _mistyped(error: Any) -> InputError:

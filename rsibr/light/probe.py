@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr import backend
 from rsibr.light.harmonics import LMAX, band_power, coefficients, reduced
 
 SMALL = 1e-3
@@ -90,7 +91,7 @@ def probe_light(emitter: dict[str, Any], image: NDArray[np.float32] | None) -> L
     """
     if image is not None:
         return _statistics(image, has_delta=False)
-    scene = mi.load_dict({"type": "scene", "light": emitter})
+    scene = backend.load({"type": "scene", "light": emitter})
     has_delta = mi.has_flag(scene.emitters()[0].flags(), mi.EmitterFlags.Delta)
     return _statistics(_without_losses(scene, _on_grid(scene)), has_delta)
 

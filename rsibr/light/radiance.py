@@ -12,6 +12,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr import backend
 from rsibr.geometry.projections.octahedral import texel_directions
 from rsibr.light.environment_pyramid import blurred_levels
 from rsibr.light.irradiance import irradiance_map
@@ -150,7 +151,7 @@ def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUT
         Radiance [W sr⁻¹ m⁻²]; see `rsibr.geometry.projections.octahedral`. Black if the emitter has no extent, such as
         `directional`.
     """
-    environment = mi.load_dict({"type": "scene", "light": emitter}).environment()
+    environment = backend.load({"type": "scene", "light": emitter}).environment()
     if environment is None:
         return np.zeros((resolution, resolution, 3), dtype=np.float32)
     finer = math.ceil(_POINTS * width / (math.sqrt(math.pi) * resolution))  # a texel's angle over 2π/width

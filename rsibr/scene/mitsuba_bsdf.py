@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import mitsuba as mi
 
 import rsibr.scene.paint.car_paint  # noqa: F401  # registers its plugin
+from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files, named_types
 from rsibr.scene.python_plugins import sources_of
@@ -43,7 +44,7 @@ def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
     """
     folder = source.parent if isinstance(source, Path) else None
     # Names in XML may be undecodable bytes: reading any name can raise
-    with _search_path(folder), mitsuba_errors(where, _FIX):
+    with _search_path(folder), backend.loading(), mitsuba_errors(where, _FIX):
         state = _parse(source, where)
         _check_nodes(state, where)
         _root_at_bsdf(state, where)
@@ -71,6 +72,7 @@ def bsdf_digest(source: BsdfSource, where: str) -> str:
 def _parser_config() -> mi.parser.ParserConfig:
     config = mi.parser.ParserConfig(mi.variant())
     config.merge_meshes = config.merge_equivalent = False  # keep the nodes as written
+    config.parallel = False  # two Python plugins that are instantiated at once end the process
     return config
 
 

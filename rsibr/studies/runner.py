@@ -105,6 +105,7 @@ def study(
     MachineError
         If the machine has no usable backend, or the disk is full.
     """
+    on_progress = backend.unlocked(on_progress)
     with clock.counting() as begun:
         settings = _settings(config)
         agenda = agenda_of(settings)

@@ -104,7 +104,7 @@ def validate(
     >>> report = rsibr.validate("out/paint.rsibr", views=8, out="out/report")    # doctest: +SKIP
     >>> print(report.summary["rsibr"].rel_mse)                                   # doctest: +SKIP
     """
-    backend.use()
+    on_progress = backend.unlocked(on_progress)
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
     wanted = available(opened) if methods is None else methods
     names = [registration(name).name for name in dict.fromkeys(wanted)]
