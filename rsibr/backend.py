@@ -378,7 +378,7 @@ def _wait_for_turns(count: int) -> None:
         try:
             _turn.acquire()
             count -= 1
-        except BaseException as error:  # noqa: BLE001  # Ctrl-C while waiting
+        except BaseException as error:  # Ctrl-C while waiting
             interruption = error
     if interruption is not None:
         raise interruption

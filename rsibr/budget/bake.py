@@ -66,7 +66,9 @@ def bake(
     >>> bake = rsibr.bake("configs/demo.toml", out="out/small.rsibr", overrides=["map.resolution=64"])  # doctest: +SKIP
     """
     path = Path(out)
-    run = partial(run_bake, out=path, fresh=fresh, on_progress=on_progress, on_forecast=on_forecast, allow_large=allow_large)
+    run = partial(
+        run_bake, out=path, fresh=fresh, on_progress=on_progress, on_forecast=on_forecast, allow_large=allow_large
+    )
     with clock.counting() as begun:
         settings = config_of(config, overrides)
         if settings.budget is None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.options import Imports, Json, imported
+from rsibr.cli.options import Imports, Json, Yes, imported
 from rsibr.cli.validate import print_validation
 
 VIEWS = 8
@@ -16,6 +16,7 @@ SAMPLES = 512
 
 def demo(
     out: Annotated[Path, typer.Option(help="Directory for the bake and the report.")] = Path("out/demo"),
+    allow_large: Yes = False,
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
@@ -24,6 +25,7 @@ def demo(
     from rsibr.baking.baker import bake
     from rsibr.baking.scene import Scene
     from rsibr.cli.console import bake_progress, console, note_peculiarities, step_progress
+    from rsibr.cli.job import note_job
     from rsibr.resources import configs
     from rsibr.scene.config import load_config
     from rsibr.validation.validation import validate
@@ -31,9 +33,11 @@ def demo(
     settings = load_config(configs() / "demo.toml").with_plugins(imported(imports))
     with clock.counting(), bake_progress() as show:
         scene = Scene.prepare(settings)
-        baked = bake(scene, out=out / "paint.rsibr", on_progress=show)
+        baked = bake(scene, out=out / "paint.rsibr", on_progress=show, on_forecast=note_job, allow_large=allow_large)
     note_peculiarities(baked)
     console.print(f"baked {baked.view_count} views of {baked.resolution}² in {baked.seconds:.1f} s: {baked.path}")
     with step_progress("validate") as step:
-        found = validate(baked, views=VIEWS, samples=SAMPLES, out=out, on_progress=step, scene=scene)
+        found = validate(
+            baked, views=VIEWS, samples=SAMPLES, out=out, on_progress=step, scene=scene, allow_large=allow_large
+        )
     print_validation(found, out, json_output=json_output)

@@ -46,9 +46,13 @@ def run(command: Callable[[], Any]) -> int:
         Other exceptions are bugs, and are raised.
     """
     try:
-        with clock.counting(clock.command_start()), _terminable(), _results_alone_on_stdout():
-            with ending_after_grace(_say_stuck):
-                return _ended(command)
+        with (
+            clock.counting(clock.command_start()),
+            _terminable(),
+            _results_alone_on_stdout(),
+            ending_after_grace(_say_stuck),
+        ):
+            return _ended(command)
     except BrokenPipeError:
         return _GONE
     except OSError as error:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.options import BakePath, Json, check_output_file, parse_view
+from rsibr.cli.options import BakePath, Json, Yes, check_output_file, parse_view
 
 
 def reconstruct(
@@ -19,6 +19,7 @@ def reconstruct(
         str | None, typer.Option(help="Method, by default rsibr; `rsibr validate` measures the error of each.")
     ] = None,
     resolution: Annotated[int | None, typer.Option(help="Texels a side; by default the bake's.")] = None,
+    allow_large: Yes = False,
     json_output: Json = False,
 ) -> None:
     """Reconstruct the sphere map of a view that was not baked, and write it as an EXR."""
@@ -26,7 +27,7 @@ def reconstruct(
     check_output_file(out)
     from rsibr.methods.reconstruction import reconstruct as run
 
-    result = run(bake, direction, method=method, resolution=resolution)
+    result = run(bake, direction, method=method, resolution=resolution, allow_large=allow_large)
     result.write(out)
     if json_output:
         state = {"file": str(out), "view": result.view.tolist(), "method": result.method, "seconds": result.seconds}

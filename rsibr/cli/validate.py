@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsibr.cli.options import BakePath, Imports, Json, check_output_folder, imported, parse_view
+from rsibr.cli.options import BakePath, Imports, Json, Yes, check_output_folder, imported, parse_view
 
 if TYPE_CHECKING:
     from rsibr.validation.results import Validation
@@ -32,6 +32,7 @@ def validate(
         bool | None,
         typer.Option("--lobes/--no-lobes", help="Errors of single lobes of rsibr; by default if there are several."),
     ] = None,
+    allow_large: Yes = False,
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
@@ -40,6 +41,7 @@ def validate(
     check_output_folder(out)
     imported(imports)
     from rsibr.cli.console import step_progress
+    from rsibr.cli.job import note_job
     from rsibr.validation.validation import validate as run
 
     with step_progress("validate") as show:
@@ -51,6 +53,8 @@ def validate(
             lobes=lobes,
             out=out,
             on_progress=show,
+            on_forecast=note_job,
+            allow_large=allow_large,
         )
     print_validation(found, out, json_output=json_output)
 

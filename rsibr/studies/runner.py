@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rsibr import backend, clock
+from rsibr.job_size import JobSize
 from rsibr.progress import Progress
 from rsibr.studies.agenda import Agenda, agenda_of
 from rsibr.studies.analysis import SceneAnalysis, analyse
@@ -20,6 +21,7 @@ from rsibr.studies.config import StudyConfig, load_study, parse_study
 from rsibr.studies.document import JudgeRecord, MachineRecord, StepRecord, StudyDocument
 from rsibr.studies.doubling import doubling_of
 from rsibr.studies.forecast import Forecast, Step
+from rsibr.studies.job import study_job
 from rsibr.studies.journal import Journal, lock_study
 from rsibr.studies.judged_scene import JudgedScene
 from rsibr.studies.page import Drawn
@@ -75,6 +77,8 @@ def study(
     *,
     out: Path | str,
     on_progress: Callable[[Progress], None] = lambda _: None,
+    on_forecast: Callable[[JobSize], None] = lambda _: None,
+    allow_large: bool = False,
 ) -> Study:
     """Measure error against time over parameter sweeps, and write the report.
 
@@ -90,6 +94,10 @@ def study(
     on_progress : callable
         Called before each step with the time that is expected to be done and in all, and once more at the end. Before
         the first step, what is done is the preparation: start-up, loading, measuring the speed of the machine.
+    on_forecast : callable
+        Called once with bytes, memory and time of what is left to do, before the first step.
+    allow_large : bool
+        Start even if the study exceeds the free disk space or memory.
 
     Returns
     -------
@@ -99,13 +107,14 @@ def study(
     Raises
     ------
     InputError
-        If the config, an environment or a material is wrong.
+        If the config, an environment or a material is wrong, or the study exceeds the free disk space or memory, unless
+        `allow_large`.
     BakeError
         If another study writes into `out`, or it may not be written to.
     MachineError
         If the machine has no usable backend, or the disk is full.
     """
-    on_progress = backend.unlocked(on_progress)
+    on_progress, on_forecast = backend.unlocked(on_progress), backend.unlocked(on_forecast)
     with clock.counting() as begun:
         settings = _settings(config)
         agenda = agenda_of(settings)
@@ -113,7 +122,7 @@ def study(
         folder = Path(out)
         with lock_study(folder):
             benches = _benches(settings, agenda, folder)
-            return _Run(settings, agenda, benches, folder, begun).done(on_progress)
+            return _Run(settings, agenda, benches, folder, begun).done(on_progress, on_forecast, allow_large)
 
 
 @dataclass(eq=False)
@@ -127,11 +136,17 @@ class _Run:
     begun: float
     _steps: list[StepRecord] = field(default_factory=list)
 
-    def done(self, on_progress: Callable[[Progress], None]) -> Study:
+    def done(
+        self, on_progress: Callable[[Progress], None], on_forecast: Callable[[JobSize], None], allow_large: bool
+    ) -> Study:
         """Do the remaining steps and write the study."""
         forecast = Forecast(self.benches, self.agenda, self.settings.path_tracing)
         todo = [(bench, forecast.steps(number)) for number, bench in enumerate(self.benches)]
         page_seconds = forecast.page_seconds if any(steps for _, steps in todo) else 0.0
+        expected = page_seconds + sum(step.seconds for _, steps in todo for step in steps)
+        job = study_job(self.benches, self.agenda, expected)
+        job.admit(self.folder, allow_large)
+        on_forecast(job)
         self._note("preparation", self._elapsed, self._elapsed)
         self._work(todo, page_seconds, on_progress)
         document, drawn = self._told(page_seconds)
