@@ -15,6 +15,7 @@ errors as images), `rsibr.plots` (figures of a study).
 from __future__ import annotations
 
 import importlib
+from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 from rsibr.version import __version__
@@ -60,6 +61,9 @@ _HOME = {
 }
 """Module that holds each public function and class."""
 
+_importing = RLock()
+"""One thread at a time imports: Mitsuba and Dr.Jit crash when several threads import them at once."""
+
 _MODULES = {
     "metrics": "rsibr.validation.metrics",
     "pictures": "rsibr.validation.report.pictures",
@@ -93,12 +97,13 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Import public names at their first use, so that `import rsibr` loads neither Mitsuba nor matplotlib."""
-    if name in _MODULES:
-        value: Any = importlib.import_module(_MODULES[name])
-    elif name in _HOME:
-        value = getattr(importlib.import_module(_HOME[name]), name)
-    else:
-        raise AttributeError(f"module 'rsibr' has no attribute '{name}'")
+    with _importing:
+        if name in _MODULES:
+            value: Any = importlib.import_module(_MODULES[name])
+        elif name in _HOME:
+            value = getattr(importlib.import_module(_HOME[name]), name)
+        else:
+            raise AttributeError(f"module 'rsibr' has no attribute '{name}'")
     return globals().setdefault(name, value)
 
 

@@ -8,6 +8,12 @@ The variant is global to the process and shared by all threads (`mi.set_variant`
 Mitsuba objects remain usable while another variant is set, because each refers to its own classes; only names looked up
 in the module (`mi.Float`, `mi.load_dict`) change.
 
+One thread at a time is in a session; others wait for their turn. Tracing of kernels is not thread-safe: eight threads
+that reconstruct at once hang, or end the process without a message.
+
+Mitsuba decodes OpenEXR with tasks of Dr.Jit's thread pool, which nobody runs if the pool has one thread, as on a
+machine with one core. Whatever may read files is loaded by `load`, or in a `loading` block.
+
 Mitsuba and Dr.Jit fall back silently (CUDA to LLVM to scalar), and a libLLVM older than 17 aborts the process during a
 render. This module checks the backend before the first kernel, and raises an error that says how to fix what is
 missing.
@@ -23,7 +29,7 @@ from contextvars import ContextVar, copy_context
 from dataclasses import dataclass
 from functools import partial, wraps
 from inspect import isgeneratorfunction
-from threading import Lock, get_ident
+from threading import RLock, local
 from typing import Any, Literal, ParamSpec, TypeVar, cast
 
 import drjit as dr
@@ -43,6 +49,9 @@ MINIMUM_LLVM = 17
 VARIANT_OF: dict[Device, str] = {"cuda": "cuda_ad_rgb", "llvm": "llvm_ad_rgb"}
 """Mitsuba's RGB variant for each device. Both render scene-linear Rec.709 in float32."""
 
+FEWEST_THREADS = 2
+"""Least size of Dr.Jit's thread pool at which Mitsuba reads and writes OpenEXR; a pool of one thread waits forever."""
+
 INSTALL_LLVM = (
     "install libLLVM 19: `apt install libllvm19` (Debian, Ubuntu), `dnf install llvm-libs` (Fedora), "
     "`brew install llvm` (macOS), `conda install -c conda-forge libllvm19` (any system), "
@@ -59,24 +68,11 @@ _registered: dict[str, int] = {}
 """Number of `_registrations` that have been called, by variant."""
 
 
-@dataclass
-class _Occupancy:
-    """Sessions in progress in all threads, which share one variant.
+_turn = RLock()
+"""Held by the thread that is in a session."""
 
-    Attributes
-    ----------
-    depths : dict
-        Depth of nested sessions by thread identifier.
-    users : str or None
-        Variant that was set before the first session.
-    """
-
-    depths: dict[int, int]
-    users: str | None = None
-
-
-_occupancy = _Occupancy({})
-_lock = Lock()
+_own = local()
+"""`depth`: number of nested sessions of this thread."""
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -173,9 +169,10 @@ class session:  # noqa: N801  # named like the context managers of contextlib; f
     Mitsuba cannot return to the state without a variant. If none was set before, rsibr's RGB variant remains. No object
     of the user can depend on the former state, and a later `mi.set_variant` of the user works as usual.
 
-    The variant is shared by all threads. If several threads are in sessions, the user's variant is restored when the
-    last one ends. A thread that uses Mitsuba in another variant at the same time, or renders spectra while another
-    renders RGB, needs its own process. Callbacks of the user are called in rsibr's variant.
+    Sessions of several threads run one after another, and each thread waits for its turn: the result is that of serial
+    calls. Callbacks of the user are called in rsibr's variant; those wrapped by `unlocked` let other threads work
+    meanwhile. A thread that uses Mitsuba outside of sessions at the same time, in another variant, needs its own
+    process.
 
     Examples
     --------
@@ -249,6 +246,66 @@ def rendering(kind: Rendering) -> Iterator[str]:
         _leave(before)
 
 
+def unlocked(callback: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Wrap a callback of the user so that sessions of other threads may run during its calls.
+
+    A callback that waits for a thread which calls rsibr would otherwise wait forever. After the callback, this thread
+    waits for its turn, and the variant is that of before.
+    """
+
+    @wraps(callback)
+    def call(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        depth, variant = _depth(), mi.variant()
+        for _ in range(depth):
+            _turn.release()
+        try:
+            return callback(*args, **kwargs)
+        finally:
+            _wait_for_turns(depth)
+            if depth:
+                _set_back(variant)
+
+    return call
+
+
+@contextmanager
+def loading() -> Iterator[None]:
+    """Give Dr.Jit's pool at least `FEWEST_THREADS` threads inside the block: required wherever Mitsuba may read a file.
+
+    The pool of before is restored, because a second thread on one core slows small kernels by a third.
+    """
+    threads = dr.thread_count()
+    if threads >= FEWEST_THREADS:
+        yield
+        return
+    dr.set_thread_count(FEWEST_THREADS)
+    try:
+        yield
+    finally:
+        dr.set_thread_count(threads)
+
+
+def load(plugin: dict[str, Any]) -> Any:
+    """Load a Mitsuba object from plain data, as `mi.load_dict`, on machines with a single core as well.
+
+    Parameters
+    ----------
+    plugin : dict
+        Plugin with its nested objects.
+
+    Returns
+    -------
+    mi.Object
+        In the current variant.
+
+    Notes
+    -----
+    Not in parallel: two Python plugins that are instantiated at once end the process without a message.
+    """
+    with loading():
+        return mi.load_dict(plugin, parallel=False)
+
+
 def current_rendering() -> Rendering:
     """Return the rendering of the current `rendering` block; "rgb" outside of any."""
     return _rendering.get()
@@ -293,27 +350,38 @@ def _register_plugins(variant: str) -> None:
 
 
 def _enter() -> tuple[str | None, bool]:
-    """Record the start of a session in this thread; return the current variant, and whether the session is nested."""
-    thread = get_ident()
-    with _lock:
-        variant = mi.variant()
-        if not _occupancy.depths:
-            _occupancy.users = variant
-        depth = _occupancy.depths.get(thread, 0)
-        _occupancy.depths[thread] = depth + 1
-    return variant, depth > 0
+    """Wait for this thread's turn; return the current variant, and whether this thread is in a session already."""
+    _turn.acquire()
+    depth = _depth()
+    _own.depth = depth + 1
+    return mi.variant(), depth > 0
 
 
 def _leave(before: str | None) -> None:
-    """Record the end of a session, and restore the variant before it unless other threads are still in sessions."""
-    thread = get_ident()
-    with _lock:
-        depth = _occupancy.depths.pop(thread) - 1
-        if depth:
-            _occupancy.depths[thread] = depth
-            _set_back(before)
-        elif not _occupancy.depths:
-            _set_back(_occupancy.users)
+    """Restore the variant before the session, and let the next thread in after the outermost one."""
+    try:
+        _set_back(before)
+    finally:
+        _own.depth -= 1
+        _turn.release()
+
+
+def _depth() -> int:
+    depth: int = getattr(_own, "depth", 0)
+    return depth
+
+
+def _wait_for_turns(count: int) -> None:
+    """Take the lock `count` times. An interruption is raised only afterwards, so that each session can give it back."""
+    interruption: BaseException | None = None
+    while count:
+        try:
+            _turn.acquire()
+            count -= 1
+        except BaseException as error:  # Ctrl-C while waiting
+            interruption = error
+    if interruption is not None:
+        raise interruption
 
 
 def _set_back(variant: str | None) -> None:

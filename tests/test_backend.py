@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
 import threading
 import timeit
+from concurrent.futures import ThreadPoolExecutor
 from inspect import signature
 from pathlib import Path
 
+import drjit as dr
 import mitsuba as mi
 import pytest
 
@@ -213,25 +216,90 @@ def test_a_callback_that_sets_a_variant_finds_it_after_a_session_of_its_own(monk
     assert mi.variant() == "scalar_spectral"
 
 
-def test_the_last_thread_that_leaves_gives_the_variant_back(monkeypatch):
+def test_threads_wait_for_their_turn_and_each_finds_the_users_variant(monkeypatch):
     pretend(monkeypatch, llvm=(19, 1, 7))
     mi.set_variant("scalar_rgb")
-    inside, first_has_left, seen = threading.Event(), threading.Event(), []
+    order, started = [], threading.Event()
 
     def work():
-        with backend.session():
-            inside.set()
-            first_has_left.wait(10)
-            seen.append(mi.variant())
+        started.set()
+        with backend.rendering("spectral"):
+            order.append(mi.variant())
 
     worker = threading.Thread(target=work)
     with backend.session():
         worker.start()
-        assert inside.wait(10)
-    first_has_left.set()
-    worker.join()
-    assert seen == ["llvm_ad_rgb"]
+        assert started.wait(10)
+        worker.join(0.1)  # time to come in, if it could
+        order.append(mi.variant())
+    worker.join(10)
+    assert order == ["llvm_ad_rgb", "llvm_ad_spectral"]
     assert mi.variant() == "scalar_rgb"
+
+
+def test_a_session_that_fails_lets_the_next_thread_in(monkeypatch):
+    pretend(monkeypatch, llvm=(19, 1, 7))
+    with pytest.raises(ZeroDivisionError), backend.session(), backend.rendering("spectral"):
+        raise ZeroDivisionError
+    with ThreadPoolExecutor(1) as others:
+        assert others.submit(backend.in_session(mi.variant)).result(timeout=10) == "llvm_ad_rgb"
+
+
+def test_another_thread_works_while_a_callback_waits_for_it(monkeypatch):
+    pretend(monkeypatch, llvm=(19, 1, 7))
+    mi.set_variant("scalar_rgb")
+    with ThreadPoolExecutor(1) as others:
+
+        @backend.unlocked
+        def callback():
+            nested = backend.in_session(mi.variant)
+            return mi.variant(), nested(), others.submit(nested).result(timeout=10)
+
+        with backend.session(), backend.rendering("spectral"):
+            # The other thread is in no block of this one: its rendering is RGB
+            assert callback() == ("llvm_ad_spectral", "llvm_ad_spectral", "llvm_ad_rgb")
+            assert mi.variant() == "llvm_ad_spectral"
+            with pytest.raises(ZeroDivisionError):
+                backend.unlocked(lambda: 1 / 0)()
+            outsider = others.submit(backend.in_session(mi.variant))
+            with pytest.raises(TimeoutError):  # locked again
+                outsider.result(timeout=0.1)
+        assert outsider.result(timeout=10) == "llvm_ad_rgb"
+    assert mi.variant() == "scalar_rgb"
+
+
+@pytest.mark.parametrize("users", [1, 2, 3])
+def test_files_are_loaded_with_two_threads_and_the_users_pool_comes_back(users):
+    before = dr.thread_count()
+    try:
+        dr.set_thread_count(users)
+        with backend.loading(), backend.loading():
+            assert dr.thread_count() == max(users, backend.FEWEST_THREADS)
+        assert dr.thread_count() == users
+    finally:
+        dr.set_thread_count(before)
+
+
+LOADS = ("load_dict", "load_file", "load_string", "instantiate", "Bitmap")
+
+
+def test_whatever_reads_files_through_mitsuba_is_in_a_loading_block():
+    """`mi.load_dict` only in `backend.load`; what remains stands in a `with` statement that names `loading`."""
+    package = Path(backend.__file__).parent
+    for file in package.rglob("*.py"):
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        safe = {
+            id(node)
+            for block in ast.walk(tree)
+            if isinstance(block, ast.With) and any("loading()" in ast.unparse(item) for item in block.items)
+            for node in ast.walk(block)
+        }
+        for node in ast.walk(tree):
+            if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in LOADS):
+                continue
+            of_array = node.func.attr == "Bitmap" and "image" in ast.unparse(node.args[0])  # reads no file
+            if ast.unparse(node.func).startswith("mi.") and not of_array:
+                assert id(node) in safe, f"{file.name}:{node.lineno}: use backend.load or a backend.loading block"
 
 
 def test_a_decorated_function_stays_itself_and_works_in_a_session(monkeypatch):

@@ -15,11 +15,13 @@ from rsibr.baking.baked_costs import baked_costs
 from rsibr.baking.blocks import Blocks, estimate
 from rsibr.baking.finished import DECISIVE, SOURCE, baking_code, finished_bake, package_versions
 from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.job import disk_and_memory, with_time
 from rsibr.baking.lobe_record import lobe_record
 from rsibr.baking.sampling import Sampler, Steering
 from rsibr.baking.scene import Scene
 from rsibr.errors import CheckFailed
 from rsibr.geometry.viewpoints import Viewpoints
+from rsibr.job_size import JobSize
 from rsibr.planning.costs import priced
 from rsibr.planning.plan import Plan
 from rsibr.progress import Progress
@@ -56,6 +58,8 @@ def bake(
     on_progress: Callable[[Progress], None] = lambda _: None,
     budget: BudgetRecord | None = None,
     steering: Steering | None = None,
+    on_forecast: Callable[[JobSize], None] = lambda _: None,
+    allow_large: bool = False,
 ) -> Bake:
     """Bake the radiance sphere maps of all views.
 
@@ -78,6 +82,10 @@ def bake(
         Choice of a budget for the whole bake from which `config` was made.
     steering : Steering, optional
         Thresholds of adaptive sample allocation.
+    on_forecast : callable
+        Called once with bytes, memory and time of the bake before its first view; never if the bake is complete.
+    allow_large : bool
+        Start even if the bake exceeds the free disk space or memory.
 
     Returns
     -------
@@ -87,7 +95,8 @@ def bake(
     Raises
     ------
     InputError
-        If the config, the environment, the material or the views are invalid.
+        If the config, the environment, the material or the views are invalid, or the bake exceeds the free disk space
+        or memory, unless `allow_large`.
     BakeError
         If `out` holds other files, a bake of another config, or one that another process is writing.
     MachineError
@@ -96,6 +105,7 @@ def bake(
         If the maps are finished and of no use: largely not finite, or black although there is light and the material
         reflects. They are kept.
     """
+    on_progress, on_forecast = backend.unlocked(on_progress), backend.unlocked(on_forecast)
     with clock.counting() as begun:
         prepared = config if isinstance(config, Scene) else None
         settings = config.config if isinstance(config, Scene) else config_of(config, overrides)
@@ -104,7 +114,13 @@ def bake(
         if not fresh and (found := finished_bake(settings, out, prepared.digests if prepared else None)) is not None:
             return found
         scene = prepared or Scene.prepare(settings)
-        return _bake_scene(scene, Path(out), begun, fresh, on_progress, budget, steering or Steering())
+        job = disk_and_memory(scene, Path(out))
+        job.admit(out, allow_large)
+
+        def started(sampling: SamplingRecord, views: int) -> None:
+            on_forecast(with_time(job, scene, sampling, views))
+
+        return _bake_scene(scene, Path(out), begun, fresh, started, on_progress, budget, steering or Steering())
 
 
 def _bake_scene(
@@ -112,6 +128,7 @@ def _bake_scene(
     out: Path,
     begun: float,
     fresh: bool,
+    on_start: Callable[[SamplingRecord, int], None],
     on_progress: Callable[[Progress], None],
     budget: BudgetRecord | None,
     steering: Steering,
@@ -129,6 +146,8 @@ def _bake_scene(
         with BakeWriter.open(out, manifest, fresh=fresh) as writer:
             if not writer.has_light:
                 writer.commit_light(scene.light)
+            if writer.pending and writer.manifest.sampling is not None:
+                on_start(writer.manifest.sampling, len(writer.pending))
             _bake_views(writer, sampler, on_progress)
             _record_end(writer, scene, begun)
     return _sound(open_bake(out), scene)

@@ -25,6 +25,9 @@ MAX_LANES = 2**19
 RUNS = 5
 """Timed runs after the one that compiles. The shortest is used, because other load can only lengthen a run."""
 
+TRIAL_SIDE = 256
+"""Texels a side, at most, of the map whose size and time of storing are measured, and scaled."""
+
 SYNC_SECONDS = 0.01
 """Upper bound on the time to sync a map and the manifest to disk [s]."""
 
@@ -61,8 +64,8 @@ def calibrate(scene: Scene, samples: int) -> Costs:
     return Costs(
         views=len(scene.all_around),
         lobes=len(planned.lobe_names),
-        bytes=_map_bytes(planned),
-        other_colour_bytes=_map_bytes(kernels["other_colour"]),
+        bytes=map_bytes(planned),
+        other_colour_bytes=map_bytes(kernels["other_colour"]),
         overhead_seconds=compilation + len(scene.viewpoints) * map_overhead(planned),
         light_bytes=0,
         source=SOURCE,
@@ -125,15 +128,24 @@ def map_overhead(integrator: SphereIntegrator) -> float:
     start = time.perf_counter()
     map_health(noisy)
     encode_map(noisy)
-    return SYNC_SECONDS + time.perf_counter() - start
+    return SYNC_SECONDS + (time.perf_counter() - start) * _scale(integrator, noisy)
 
 
-def _map_bytes(integrator: SphereIntegrator) -> int:
+def map_bytes(integrator: SphereIntegrator) -> int:
     """Size of a map file [bytes], measured on a noisy map: noise dominates the compressed size."""
-    return len(encode_map(_noisy_map(integrator)))
+    noisy = _noisy_map(integrator)
+    return round(len(encode_map(noisy)) * _scale(integrator, noisy))
+
+
+def _scale(integrator: SphereIntegrator, trial: MapFile) -> float:
+    """Texels of a map of the bake, for each texel of the trial."""
+    return integrator.coverage.size / trial.coverage.size
 
 
 def _noisy_map(integrator: SphereIntegrator) -> MapFile:
+    """Map of four samples a texel, of the bake's resolution or `TRIAL_SIDE`."""
+    if len(integrator.coverage) > TRIAL_SIDE:
+        integrator = integrator.at_resolution(TRIAL_SIDE)
     frame = view_frame(np.array([1.0, 2.0, 3.0]))
     block = integrator.block(frame, 4, np.random.SeedSequence(0))
     layers = {name: integrator.image(block[:, k]) for k, name in enumerate(integrator.lobe_names)}

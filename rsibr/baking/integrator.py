@@ -112,7 +112,7 @@ class SphereIntegrator:
         options: EstimateOptions = EstimateOptions(),
         max_lanes: int = MAX_LANES,
     ) -> None:
-        self._light = mi.load_dict({"type": "scene", "light": emitter})
+        self._light = backend.load({"type": "scene", "light": emitter})
         self._bsdf = bsdf
         self.max_lanes = max_lanes
         self.rendering = backend.current_rendering()

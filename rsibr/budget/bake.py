@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from rsibr.baking.scene import Scene
 from rsibr.budget.choose import choose
 from rsibr.budget.reached import reached_error
 from rsibr.errors import BakeError
+from rsibr.job_size import JobSize
 from rsibr.planning.plan import Plan
 from rsibr.progress import Progress
 from rsibr.scene.config import Config, ConfigLike, config_of
@@ -36,6 +38,8 @@ def bake(
     overrides: Sequence[str] = (),
     fresh: bool = False,
     on_progress: Callable[[Progress], None] = lambda _: None,
+    on_forecast: Callable[[JobSize], None] = lambda _: None,
+    allow_large: bool = False,
 ) -> Bake:
     """Bake the radiance sphere maps of all views, within the config's budget if it has one.
 
@@ -44,7 +48,7 @@ def bake(
 
     Parameters
     ----------
-    config, out, overrides, fresh, on_progress
+    config, out, overrides, fresh, on_progress, on_forecast, allow_large
         See `rsibr.baking.baker.bake`.
 
     Returns
@@ -56,7 +60,8 @@ def bake(
     Raises
     ------
     InputError
-        If the config, the environment, the material or the views are invalid, or a budget cannot be met.
+        If the config, the environment, the material or the views are invalid, a budget cannot be met, or the bake
+        exceeds the free disk space or memory, unless `allow_large`.
     BakeError
         If `out` holds other files, a bake of another config, or one that another process is writing.
     MachineError
@@ -71,17 +76,20 @@ def bake(
     >>> bake = rsibr.bake("configs/demo.toml", out="out/small.rsibr", overrides=["map.resolution=64"])  # doctest: +SKIP
     """
     path = Path(out)
+    run = partial(
+        run_bake, out=path, fresh=fresh, on_progress=on_progress, on_forecast=on_forecast, allow_large=allow_large
+    )
     with clock.counting() as begun:
         settings = config_of(config, overrides)
         if settings.budget is None:
-            return run_bake(settings, out=path, fresh=fresh, on_progress=on_progress)
+            return run(settings)
         if not fresh and (found := finished_bake(settings, path)) is not None:
             return found
         claim_directory(path)
         recorded = None if fresh else _recorded(path, settings)
         scene = Scene.prepare(settings)
         sized, record = recorded or choose(scene, begun)
-        baked = run_bake(scene.resized(sized), out=path, fresh=fresh, on_progress=on_progress, budget=record)
+        baked = run(scene.resized(sized), budget=record)
     if baked.manifest.budget and baked.manifest.budget.reached_seconds is None:
         _record_reached(baked, scene)
     return open_bake(path)

@@ -17,6 +17,7 @@ from rsibr.cli.plan import plan
 from rsibr.cli.reconstruct import reconstruct
 from rsibr.cli.study import study
 from rsibr.cli.validate import validate
+from rsibr.cli.watchdog import end
 from rsibr.errors import RsibrError
 
 app = typer.Typer(
@@ -50,7 +51,7 @@ def main() -> NoReturn:
     # Read when NumPy and SciPy load, each with a BLAS of its own. Our products are small, and starting the threads of
     # both takes a quarter of a second of processor, more than the mathematics of a view.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    sys.exit(run(_command))
+    end(run(_command))
 
 
 def _command() -> Any:

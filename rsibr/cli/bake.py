@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.options import Config, Imports, Json, imported
+from rsibr.cli.options import Config, Imports, Json, Yes, imported
 from rsibr.errors import printable
 
 
@@ -25,6 +25,7 @@ def bake(
         typer.Option(help="Clamp the radiance of samples: less noise, and a negative bias that `check` reports."),
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start over, even if OUT holds another bake.")] = False,
+    allow_large: Yes = False,
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
@@ -33,6 +34,7 @@ def bake(
     from rsibr.budget.bake import bake as run_bake
     from rsibr.budget.promise import promises_of
     from rsibr.cli.console import bake_progress, note_health, note_peculiarities
+    from rsibr.cli.job import note_job
     from rsibr.cli.promises import exit_code, promises, reached_lines
     from rsibr.scene.config import load_config
 
@@ -42,7 +44,9 @@ def bake(
     path = out or Path(f"{config.stem}.rsibr")
     known = None if fresh else finished_bake(settings, path)
     with bake_progress() as show:
-        finished = known or run_bake(settings, out=path, fresh=fresh, on_progress=show)
+        finished = known or run_bake(
+            settings, out=path, fresh=fresh, on_progress=show, on_forecast=note_job, allow_large=allow_large
+        )
     note_peculiarities(finished)
     note_health(finished)
     if json_output:

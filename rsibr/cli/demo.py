@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.options import Imports, Json, imported
+from rsibr.cli.options import Imports, Json, Yes, imported
 from rsibr.cli.validate import print_validation
 from rsibr.errors import printable
 
@@ -17,6 +17,7 @@ SAMPLES = 512
 
 def demo(
     out: Annotated[Path, typer.Option(help="Directory for the bake and the report.")] = Path("out/demo"),
+    allow_large: Yes = False,
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
@@ -26,6 +27,7 @@ def demo(
     from rsibr.baking.finished import is_outdated
     from rsibr.baking.scene import Scene
     from rsibr.cli.console import bake_progress, console, note_peculiarities, step_progress
+    from rsibr.cli.job import note_job
     from rsibr.resources import configs
     from rsibr.scene.config import load_config
     from rsibr.validation.validation import validate
@@ -34,11 +36,20 @@ def demo(
     with clock.counting(), bake_progress() as show:
         scene = Scene.prepare(settings)
         path = out / "paint.rsibr"
-        baked = bake(scene, out=path, fresh=is_outdated(settings, path), on_progress=show)
+        baked = bake(
+            scene,
+            out=path,
+            fresh=is_outdated(settings, path),
+            on_progress=show,
+            on_forecast=note_job,
+            allow_large=allow_large,
+        )
     note_peculiarities(baked)
     console.print(
         f"baked {baked.view_count} views of {baked.resolution}² in {baked.seconds:.1f} s: {printable(baked.path)}"
     )
     with step_progress("validate") as step:
-        found = validate(baked, views=VIEWS, samples=SAMPLES, out=out, on_progress=step, scene=scene)
+        found = validate(
+            baked, views=VIEWS, samples=SAMPLES, out=out, on_progress=step, scene=scene, allow_large=allow_large
+        )
     print_validation(found, out, json_output=json_output)

@@ -20,6 +20,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rsibr import machine
 from rsibr.errors import MachineError, RsibrError
 from rsibr.version import __version__
 
@@ -31,16 +32,30 @@ ROOMY_DISK = 1024**3
 
 TRIAL = """
 import json, time
-import drjit as dr, mitsuba as mi
+import drjit as dr, mitsuba as mi, numpy as np
 from rsibr import backend
+print("kernel", flush=True)
 backend.use()
 start = time.perf_counter()
 total = dr.sum(dr.maximum(dr.arange(mi.Float, 1024), 512))[0]
 backend.synchronize()
 assert total == 512 * 512 + sum(range(512, 1024)), total
-print(json.dumps({"seconds": time.perf_counter() - start, "threads": dr.thread_count()}))
+seconds = time.perf_counter() - start
+print("OpenEXR file", flush=True)
+with backend.loading():
+    stream = mi.MemoryStream()
+    mi.Bitmap(np.ones((4, 8, 3), np.float32)).write(stream, mi.Bitmap.FileFormat.OpenEXR)
+    stream.seek(0)
+    assert np.array(mi.Bitmap(stream)).mean() == 1
+print(json.dumps({"seconds": seconds, "threads": dr.thread_count()}))
 """
-"""Kernel with the instruction that aborts an old LLVM. Runs in a child process, so that an abort becomes a finding."""
+"""Kernel with the instruction that aborts an old LLVM, then a file that hangs where Dr.Jit's pool has one thread.
+
+Runs in a child process, so that an abort or a hang becomes a finding. Each step prints its name first.
+"""
+
+TRIAL_SECONDS = 120.0
+"""Time limit of the trial [s]."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +88,10 @@ class Diagnosis:
     backend : dict
         `variant` and `device` that a bake uses, whether `cuda` works, `llvm_version` and `llvm_path` as loaded.
     kernel : dict
-        `seconds` of the trial kernel, including compilation, and `threads` of Dr.Jit; empty if it could not run.
+        `seconds` of the trial kernel, including compilation, and `threads` of Dr.Jit; empty if the trial, which also
+        reads a file, did not end well.
+    cores : int
+        Processor cores that this process may use.
     cache : dict
         Kernel cache of Dr.Jit on disk: `path` and `bytes`.
     memory, disk : dict
@@ -87,6 +105,7 @@ class Diagnosis:
     packages: dict[str, str | None]
     backend: dict[str, Any]
     kernel: dict[str, Any]
+    cores: int
     cache: dict[str, Any]
     memory: dict[str, int | None]
     disk: dict[str, int]
@@ -115,11 +134,12 @@ def diagnose() -> Diagnosis:
         kernel = _run_trial()
     except RsibrError as error:
         missing.append(Lack.of(error))
-    cache, memory, usage = _kernel_cache(), _memory(), shutil.disk_usage(Path.cwd())
+    cache, memory, usage = _kernel_cache(), asdict(machine.memory()), shutil.disk_usage(Path.cwd())
     disk = {"total": usage.total, "available": usage.free}
     packages = {"rsibr": __version__} | {name: _installed(name) for name in PACKAGES}
-    advice = tuple(_advice(cache, memory, disk))
-    return Diagnosis(packages, backend, kernel, cache, memory, disk, tuple(missing), advice)
+    advice = tuple(_advice(cache, memory, disk, kernel.get("threads")))
+    cores = machine.usable_cores()
+    return Diagnosis(packages, backend, kernel, cores, cache, memory, disk, tuple(missing), advice)
 
 
 def doctor(
@@ -161,15 +181,25 @@ def _loaded_llvm() -> str | None:
 
 
 def _run_trial() -> dict[str, Any]:
+    command = [sys.executable, "-c", TRIAL]
     try:
-        done = subprocess.run([sys.executable, "-c", TRIAL], capture_output=True, text=True, timeout=120, check=False)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=TRIAL_SECONDS, check=False)
     except subprocess.TimeoutExpired as error:
-        raise MachineError("a trial kernel did not end within 120 s", fix="check the load of the machine") from error
+        step = _step(error.stdout)
+        fix = "check the load of the machine, and whether it lets this process have more than one thread"
+        raise MachineError(f"a trial {step} did not end within {TRIAL_SECONDS:.0f} s", fix=fix) from error
     if done.returncode != 0:
         last = next(reversed(done.stderr.strip().splitlines()), f"exit code {done.returncode}")
-        raise MachineError(f"a trial kernel failed: {last}", fix="try another libLLVM through DRJIT_LIBLLVM_PATH")
-    kernel: dict[str, Any] = json.loads(done.stdout)
+        fix = "try another libLLVM through DRJIT_LIBLLVM_PATH"
+        raise MachineError(f"a trial {_step(done.stdout)} failed: {last}", fix=fix)
+    kernel: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     return kernel
+
+
+def _step(printed: str | bytes | None) -> str:
+    """Name of the step of the trial that had begun."""
+    text = printed.decode() if isinstance(printed, bytes) else printed or ""
+    return next(reversed(text.split("\n")[:-1]), "kernel")
 
 
 def _installed(package: str) -> str | None:
@@ -190,24 +220,14 @@ def _kernel_cache() -> dict[str, Any]:
     return {"path": path, "bytes": size}
 
 
-def _memory() -> dict[str, int | None]:
-    """Read the machine's memory, or the smaller limit of a container."""
-    total, available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), None
-    if (info := Path("/proc/meminfo")).is_file():
-        kib = {key: int(rest.split()[0]) for key, rest in (line.split(":") for line in info.read_text().splitlines())}
-        available = kib["MemAvailable"] * 1024
-    group = Path("/sys/fs/cgroup")
-    if (
-        available is not None
-        and (limit := group / "memory.max").is_file()
-        and (text := limit.read_text().strip()) != "max"
-    ):
-        total = min(total, int(text))
-        available = min(available, total - int((group / "memory.current").read_text()))
-    return {"total": total, "available": available}
-
-
-def _advice(cache: dict[str, Any], memory: dict[str, int | None], disk: dict[str, int]) -> Iterator[str]:
+def _advice(
+    cache: dict[str, Any], memory: dict[str, int | None], disk: dict[str, int], threads: int | None
+) -> Iterator[str]:
+    if threads == 1:
+        yield (
+            "Dr.Jit has one thread, with which `mi.Bitmap` of an OpenEXR file hangs: the commands of rsibr are safe, "
+            "in your own Mitsuba code call `dr.set_thread_count(2)` first"
+        )
     if cache["path"] is None:
         yield "HOME is unset, so Dr.Jit keeps no compiled kernels: set DRJIT_CACHE_DIR"
     elif Path(cache["path"]).exists() and not os.access(cache["path"], os.W_OK):
@@ -249,7 +269,7 @@ def _rows(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
     yield "CUDA", "works" if backend.get("cuda") else "no device"
     yield "libLLVM", f"{backend.get('llvm_version') or 'not found'}  {backend.get('llvm_path') or ''}".strip()
     trial = f"ran in {1e3 * kernel['seconds']:.1f} ms on {kernel['threads']} threads" if kernel else "not run"
-    yield "trial kernel", f"{trial} ({os.cpu_count()} CPUs)"
+    yield "trial kernel", f"{trial} ({diagnosis.cores} of {os.cpu_count()} cores usable)"
     yield "kernel cache", f"{diagnosis.cache['path'] or 'none'}  {diagnosis.cache['bytes'] / 1024**2:.0f} MiB"
     for label, sizes in (("memory", diagnosis.memory), ("disk", diagnosis.disk)):
         yield label, f"{_gib(sizes['available'])} free of {_gib(sizes['total'])}"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import json
+import os
+import select
 import signal
 import sys
 import time
@@ -11,12 +13,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, TextIO
 
 import typer
 
 from rsibr import clock
 from rsibr.cli.streams import diagnostics, open_standard_streams, results_alone_on_stdout
+from rsibr.cli.watchdog import ending_after_grace
 from rsibr.errors import InputError, MachineError, RsibrError
 
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
@@ -44,7 +47,13 @@ def run(command: Callable[[], Any]) -> int:
         Other exceptions are bugs, and are raised.
     """
     open_standard_streams()
-    with clock.counting(clock.command_start()), _terminable(), diagnostics(), results_alone_on_stdout():
+    with (
+        clock.counting(clock.command_start()),
+        _terminable(),
+        diagnostics(),
+        results_alone_on_stdout(),
+        ending_after_grace(_say_stuck),
+    ):
         code = _ended(command)
         try:
             sys.stdout.flush()
@@ -97,11 +106,29 @@ def _interrupted(number: signal.Signals) -> int:
     return 128 + number
 
 
+def _say_stuck(number: signal.Signals) -> None:
+    """Print what `_interrupted` prints, from another thread: never waits for a full pipe or for a lock of a stream."""
+    _write_now(sys.stderr, f"interrupted ({number.name})\n")
+    if "--json" in sys.argv:
+        _write_now(sys.stdout, _json_of(RsibrError("interrupted", where=number.name), 128 + number) + "\n")
+
+
+def _write_now(stream: TextIO, text: str) -> None:
+    """Write to a stream's descriptor if that is possible without waiting."""
+    with suppress(OSError, ValueError):
+        if select.select([], [stream], [], 0)[1]:
+            os.write(stream.fileno(), text.encode())
+
+
+def _json_of(error: RsibrError, exit_code: int) -> str:
+    said = {"what": error.what, "where": error.where, "fix": error.fix, "exit_code": exit_code}
+    return json.dumps({"error": said})
+
+
 def _say_json(error: RsibrError, exit_code: int) -> None:
     if "--json" in sys.argv:
-        said = {"what": error.what, "where": error.where, "fix": error.fix, "exit_code": exit_code}
         with suppress(OSError):  # the exit code tells it too
-            typer.echo(json.dumps({"error": said}))
+            typer.echo(_json_of(error, exit_code))
 
 
 def _unheard(error: OSError) -> int:

@@ -24,6 +24,9 @@ Imports = Annotated[
         help="Python module, or FILE.py, that registers Mitsuba plugins, in addition to the config's; repeatable.",
     ),
 ]
+Yes = Annotated[
+    bool, typer.Option("--yes", help="Start even if the job exceeds the free disk space or memory.", show_default=False)
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object; progress goes to stderr.")]
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.options import BakePath, Json, check_output_file, parse_view
+from rsibr.cli.options import BakePath, Json, Yes, check_output_file, parse_view
 from rsibr.errors import printable
 
 
@@ -20,6 +20,7 @@ def reconstruct(
         str | None, typer.Option(help="Method, by default rsibr; `rsibr validate` measures the error of each.")
     ] = None,
     resolution: Annotated[int | None, typer.Option(help="Texels a side; by default the bake's.")] = None,
+    allow_large: Yes = False,
     json_output: Json = False,
 ) -> None:
     """Reconstruct the sphere map of a view that was not baked, and write it as an EXR."""
@@ -28,7 +29,7 @@ def reconstruct(
     from rsibr.cli.console import note_non_finite
     from rsibr.methods.reconstruction import reconstruct as run
 
-    result = run(bake, direction, method=method, resolution=resolution)
+    result = run(bake, direction, method=method, resolution=resolution, allow_large=allow_large)
     result.write(out)
     note_non_finite(result)
     if json_output:

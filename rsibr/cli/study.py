@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsibr.cli.options import Imports, Json, check_output_folder, imported
+from rsibr.cli.options import Imports, Json, Yes, check_output_folder, imported
 from rsibr.errors import printable
 
 if TYPE_CHECKING:
@@ -20,17 +20,19 @@ if TYPE_CHECKING:
 def study(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Config of the study (TOML).", show_default=False)],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Directory of the study, for report, bakes and references.")],
+    allow_large: Yes = False,
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
     """Measure accuracy against time: sweeps, convergence, Pareto fronts. A killed study resumes."""
     check_output_folder(out)
+    from rsibr.cli.job import note_job
     from rsibr.studies.config import load_study
     from rsibr.studies.runner import study as run
 
     settings = load_study(config).with_plugins(imported(imports))
     with _progress() as show:
-        found = run(settings, out=out, on_progress=show)
+        found = run(settings, out=out, on_progress=show, on_forecast=note_job, allow_large=allow_large)
     if json_output:
         typer.echo((out / "study.json").read_text(encoding="utf-8"), nl=False)
     else:

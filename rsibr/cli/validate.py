@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsibr.cli.options import BakePath, Imports, Json, check_output_folder, imported, parse_view
+from rsibr.cli.options import BakePath, Imports, Json, Yes, check_output_folder, imported, parse_view
 from rsibr.errors import printable
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ def validate(
         bool | None,
         typer.Option("--lobes/--no-lobes", help="Errors of single lobes of rsibr; by default if there are several."),
     ] = None,
+    allow_large: Yes = False,
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
@@ -47,6 +48,7 @@ def validate(
     check_output_folder(out)
     imported(imports)
     from rsibr.cli.console import step_progress
+    from rsibr.cli.job import note_job
     from rsibr.cli.promises import exit_code
     from rsibr.store.bake import open_bake
     from rsibr.validation.validation import validate as run
@@ -61,6 +63,8 @@ def validate(
             lobes=lobes,
             out=out,
             on_progress=show,
+            on_forecast=note_job,
+            allow_large=allow_large,
         )
     print_validation(found, out, json_output=json_output)
     if not given:

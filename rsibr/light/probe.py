@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr import backend
 from rsibr.light.emitter_draws import SCOUT_SIDE, EmitterDraws
 from rsibr.light.harmonics import LMAX, band_power, coefficients, reduced
 
@@ -96,7 +97,7 @@ def probe_light(emitter: dict[str, Any], image: NDArray[np.float32] | None) -> L
     """
     if image is not None:
         return _statistics(image)
-    scene = mi.load_dict({"type": "scene", "light": emitter})
+    scene = backend.load({"type": "scene", "light": emitter})
     if mi.has_flag(scene.emitters()[0].flags(), mi.EmitterFlags.Delta):
         return _of_delta_lights(scene)
     return _statistics(_without_losses(scene, _on_grid(scene)))

@@ -12,6 +12,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr import backend
 from rsibr.geometry.projections.octahedral import texel_directions
 from rsibr.light.delta_lights import DeltaLights
 from rsibr.light.emitter_draws import EmitterDraws
@@ -143,7 +144,7 @@ def light_of(environment: Environment, with_image: bool) -> Light:
         Whether to keep its original image or, if it has none, to raise the resolution of `picture` to
         `DELTA_RESOLUTION`: what a delta lobe needs.
     """
-    scene, width = mi.load_dict({"type": "scene", "light": environment.emitter()}), environment.width
+    scene, width = backend.load({"type": "scene", "light": environment.emitter()}), environment.width
     image, frame, draws = environment.image, environment.frame, _draws(scene)
     delta = draws.delta_lights()
     if not with_image:
@@ -176,7 +177,7 @@ def light_map(emitter: dict[str, Any], width: int = 0, resolution: int = RESOLUT
     lamp of few texels: these are drawn from the emitter. The density of the emitter tells the two apart, so that each
     direction counts in one of them.
     """
-    scene = mi.load_dict({"type": "scene", "light": emitter})
+    scene = backend.load({"type": "scene", "light": emitter})
     return _picture(scene, _draws(scene), width, resolution)
 
 

@@ -168,7 +168,7 @@ def _response(emitter: dict[str, Any]) -> Array:
 
 def _mean_spectrum(emitter: dict[str, Any]) -> Array:
     """Mean spectrum of the light over all directions at the fine wavelengths, up to a factor."""
-    scene = mi.load_dict({"type": "scene", "light": emitter})
+    scene = backend.load({"type": "scene", "light": emitter})
     sets = len(_FINE) // 4
     lanes = dr.arange(mi.UInt32, sets * _DIRECTIONS)
     nm = to_device(mi.Float, _FINE.astype(np.float32))

@@ -153,16 +153,17 @@ class MethodInputs:
             self._watching.remove(watch)
 
     def _get(self, name: str, make: Callable[[Any], _T]) -> _T:
-        if name not in self._kept:
-            self._make(name, make)
-        for watch in self._watching:
-            watch.used |= self._uses[name]
-        value: _T = self._kept[name]
-        return value
+        with backend.session():  # one thread at a time makes an input
+            if name not in self._kept:
+                self._make(name, make)
+            for watch in self._watching:
+                watch.used |= self._uses[name]
+            value: _T = self._kept[name]
+            return value
 
     def _make(self, name: str, make: Callable[[Any], Any]) -> None:
         outer, self._nested = self._nested, 0.0
-        with backend.session(), self.watched() as inner:
+        with self.watched() as inner:
             start = time.perf_counter()
             self._kept[name] = make(self)
             backend.synchronize()

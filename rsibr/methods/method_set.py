@@ -54,9 +54,10 @@ class MethodSet(Mapping[str, Method]):
         BakeError
             If the bake lacks something that the method requires.
         """
-        if name not in self._made:
-            self._made[name] = self.variant(name)
-        return self._made[name]
+        with backend.session():  # one thread at a time makes a method
+            if name not in self._made:
+                self._made[name] = self.variant(name)
+            return self._made[name]
 
     def __iter__(self) -> Iterator[str]:
         return iter(available(self.inputs.bake))

@@ -14,6 +14,8 @@ from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
+from rsibr.job_size import JobSize
+from rsibr.methods.job import OUTPUT_BYTES, maps_memory
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
 from rsibr.methods.registry import default_method
@@ -64,7 +66,12 @@ class Reconstruction:
 
 @backend.in_session
 def reconstruct(
-    bake: Bake | Path | str, view: ArrayLike, *, method: str | None = None, resolution: int | None = None
+    bake: Bake | Path | str,
+    view: ArrayLike,
+    *,
+    method: str | None = None,
+    resolution: int | None = None,
+    allow_large: bool = False,
 ) -> Reconstruction:
     """Reconstruct the map of a view that was not baked.
 
@@ -79,6 +86,8 @@ def reconstruct(
         lobes separately.
     resolution : int, optional
         Texels a side, 8 to 4096; by default that of the stored maps.
+    allow_large : bool
+        Start even if maps and result exceed the free memory.
 
     Returns
     -------
@@ -88,7 +97,7 @@ def reconstruct(
     Raises
     ------
     InputError
-        If the view has no direction, the method is unknown or the resolution out of range.
+        If the view has no direction, the method is unknown, the resolution out of range, or the memory too small.
     BakeError
         If the bake cannot be read, or lacks something that the method requires.
 
@@ -102,7 +111,10 @@ def reconstruct(
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
     if resolution is not None and not 8 <= resolution <= 4096:
         raise InputError(f"{resolution} texels", where="resolution", fix="give 8 to 4096")
-    return run(MethodSet(opened)[method or default_method(opened)], frame, resolution or opened.resolution)
+    side = resolution or opened.resolution
+    memory = maps_memory(opened) + OUTPUT_BYTES * side**2
+    JobSize(f"reconstruction at {side}²", memory=memory).admit(None, allow_large)
+    return run(MethodSet(opened)[method or default_method(opened)], frame, side)
 
 
 @backend.in_session

@@ -121,19 +121,19 @@ def _metal(name: str) -> tuple[Samples, NDArray[np.float64]]:
 
 
 def _head_on(name: str, nm: mi.Spectrum | None = None) -> mi.UnpolarizedSpectrum:
-    bsdf = mi.load_dict({"type": "conductor", "material": name})
+    bsdf = backend.load({"type": "conductor", "material": name})
     si = interaction(mi.Vector3f(0, 0, 1), nm)
     return bsdf.sample(mi.BSDFContext(), si, mi.Float(0.5), mi.Point2f(0.5))[1]
 
 
 def _rgb_of_pigment(samples: Samples) -> NDArray[np.float64]:
-    bsdf = mi.load_dict({"type": "diffuse", "reflectance": {"type": "spectrum", "value": samples}})
+    bsdf = backend.load({"type": "diffuse", "reflectance": {"type": "spectrum", "value": samples}})
     head_on = mi.Vector3f(0, 0, 1)
     return np.pi * np.array(bsdf.eval(mi.BSDFContext(), interaction(head_on), head_on), dtype=np.float64).ravel()
 
 
 def _rgb_of_light(samples: Samples) -> NDArray[np.float64]:
-    light = mi.load_dict({"type": "constant", "radiance": {"type": "spectrum", "value": samples}})
+    light = backend.load({"type": "constant", "radiance": {"type": "spectrum", "value": samples}})
     si = dr.zeros(mi.SurfaceInteraction3f)
     si.wi = mi.Vector3f(0, 0, 1)
     return np.array(light.eval(si), dtype=np.float64).ravel()

@@ -221,7 +221,7 @@ def _product(value: Any, scale: float, name: str) -> Any:
 def _check_emitter(environment: Environment, where: str) -> None:
     """Load the emitter and evaluate it in directions all around."""
     with mitsuba_errors(where, _FIX):
-        scene = mi.load_dict({"type": "scene", "emitter": environment.emitter()})
+        scene = backend.load({"type": "scene", "emitter": environment.emitter()})
     emitters = scene.emitters()
     if len(emitters) != 1 or not mi.has_flag(emitters[0].flags(), mi.EmitterFlags.Infinite):
         raise InputError(

@@ -10,6 +10,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
+from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.scene.plugin import mitsuba_errors
 
@@ -63,7 +64,7 @@ def read_latlong(path: Path, most_texels: int = MAX_TEXELS) -> LatLong:
     `mi.Bitmap` reads both formats without a variant and, unlike `OpenEXR.File`, raises on a truncated file.
     """
     is_exr = _is_exr(path)
-    with mitsuba_errors(str(path), "save it again as OpenEXR or Radiance HDR; it may be truncated"):
+    with backend.loading(), mitsuba_errors(str(path), "save it again as OpenEXR or Radiance HDR; it may be truncated"):
         bitmap = mi.Bitmap(str(path))
         pixels = np.array(bitmap)
         names = [field.name for field in bitmap.struct_()]

@@ -12,6 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 import rsibr.scene.paint.car_paint  # noqa: F401  # registers its plugin
+from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.scene import blend
 from rsibr.scene.plugin import canonical_json, content_digest, mitsuba_errors, named_files, named_types
@@ -48,7 +49,7 @@ def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
         textured: a sphere map holds one material.
     """
     # Names in XML may be undecodable bytes: reading any name can raise
-    with _checked_files(source, where), mitsuba_errors(where, _FIX):
+    with _checked_files(source, where), backend.loading(), mitsuba_errors(where, _FIX):
         state = _parse(source, where)
         _check_nodes(state, where)
         _root_at_bsdf(state, where)
@@ -100,6 +101,7 @@ def bsdf_digest(source: BsdfSource, where: str) -> str:
 def _parser_config() -> mi.parser.ParserConfig:
     config = mi.parser.ParserConfig(mi.variant())
     config.merge_meshes = config.merge_equivalent = False  # keep the nodes as written
+    config.parallel = False  # two Python plugins that are instantiated at once end the process
     return config
 
 

@@ -89,7 +89,7 @@ class _PluginModule:
         variant = mi.variant()
         if variant in self.registered:
             return
-        with _recorded() as names:
+        with _recorded() as names, backend.loading():
             modules = imported_afresh(self.name, self.where)
         if not names:
             raise InputError(

@@ -158,6 +158,6 @@ def _baked(scene: Scene, path: Path) -> Bake:
     """
     with clock.counting(time.perf_counter() - scene.parts.seconds):
         try:
-            return bake(scene, out=path)
+            return bake(scene, out=path, allow_large=True)  # the whole study has been admitted
         except BakeError:  # made by an older version, or damaged; its name holds a hash of its config
-            return bake(scene, out=path, fresh=True)
+            return bake(scene, out=path, fresh=True, allow_large=True)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rsibr import backend, clock
+from rsibr.job_size import JobSize
 from rsibr.progress import Progress
 from rsibr.studies.agenda import Agenda, agenda_of
 from rsibr.studies.analysis import SceneAnalysis, analyse
@@ -21,6 +22,7 @@ from rsibr.studies.document import JudgeRecord, MachineRecord, StepRecord, Study
 from rsibr.studies.doubling import doubling_of
 from rsibr.studies.feasible import check_folders, check_sizes
 from rsibr.studies.forecast import Forecast, Step
+from rsibr.studies.job import study_job
 from rsibr.studies.journal import Journal, lock_study
 from rsibr.studies.judged_scene import JudgedScene
 from rsibr.studies.page import Drawn
@@ -76,6 +78,8 @@ def study(
     *,
     out: Path | str,
     on_progress: Callable[[Progress], None] = lambda _: None,
+    on_forecast: Callable[[JobSize], None] = lambda _: None,
+    allow_large: bool = False,
 ) -> Study:
     """Measure error against time over parameter sweeps, and write the report.
 
@@ -91,6 +95,10 @@ def study(
     on_progress : callable
         Called before each step with the time that is expected to be done and in all, and once more at the end. Before
         the first step, what is done is the preparation: start-up, loading, measuring the speed of the machine.
+    on_forecast : callable
+        Called once with bytes, memory and time of what is left to do, before the first step.
+    allow_large : bool
+        Start even if the study exceeds the free disk space or memory.
 
     Returns
     -------
@@ -100,12 +108,14 @@ def study(
     Raises
     ------
     InputError
-        If the config, an environment or a material is wrong, or no bake of it can serve a method.
+        If the config, an environment or a material is wrong, no bake of it can serve a method, or the study exceeds the
+        free disk space or memory, unless `allow_large`.
     BakeError
         If another study writes into `out`, or it may not be written to.
     MachineError
         If the machine has no usable backend, the disk is full, or a size of the sweeps fits nowhere.
     """
+    on_progress, on_forecast = backend.unlocked(on_progress), backend.unlocked(on_forecast)
     with clock.counting() as begun:
         settings = _settings(config)
         agenda = agenda_of(settings)
@@ -115,7 +125,7 @@ def study(
             check_folders(folder, (BAKES_NAME, REFERENCES_NAME, JOURNAL_NAME), (JSON_NAME, CSV_NAME, PAGE_NAME))
             check_sizes(settings, agenda, _judged_resolution(settings, agenda), folder)
             benches = _benches(settings, agenda, folder)
-            return _Run(settings, agenda, benches, folder, begun).done(on_progress)
+            return _Run(settings, agenda, benches, folder, begun).done(on_progress, on_forecast, allow_large)
 
 
 @dataclass(eq=False)
@@ -129,11 +139,17 @@ class _Run:
     begun: float
     _steps: list[StepRecord] = field(default_factory=list)
 
-    def done(self, on_progress: Callable[[Progress], None]) -> Study:
+    def done(
+        self, on_progress: Callable[[Progress], None], on_forecast: Callable[[JobSize], None], allow_large: bool
+    ) -> Study:
         """Do the remaining steps and write the study."""
         forecast = Forecast(self.benches, self.agenda, self.settings.path_tracing)
         todo = [(bench, forecast.steps(number)) for number, bench in enumerate(self.benches)]
         page_seconds = forecast.page_seconds if any(steps for _, steps in todo) else 0.0
+        expected = page_seconds + sum(step.seconds for _, steps in todo for step in steps)
+        job = study_job(self.benches, self.agenda, expected)
+        job.admit(self.folder, allow_large)
+        on_forecast(job)
         self._note("preparation", self._elapsed, self._elapsed)
         self._work(todo, page_seconds, on_progress)
         document, drawn = self._told(page_seconds)

@@ -117,7 +117,7 @@ class ReferenceRenderer:
         self.resolution = resolution
         self.rendering = rendering
         with backend.rendering(rendering):
-            self._scene = mi.load_dict(_scene(environment, material, resolution))
+            self._scene = backend.load(_scene(environment, material, resolution))
             self._parameters = mi.traverse(self._scene)
         self._compiled: set[int] = set()
 

@@ -17,6 +17,7 @@ from rsibr.errors import BakeError, CheckFailed, InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.novel_views import novel_views as drawn_views
 from rsibr.geometry.viewpoints import Viewpoints
+from rsibr.job_size import JobSize
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
 from rsibr.methods.reconstruction import Reconstruction, run
@@ -28,6 +29,7 @@ from rsibr.validation.eval_error import judge_eval
 from rsibr.validation.flip import exposures_for
 from rsibr.validation.health.health import Health, assess
 from rsibr.validation.health.health_report import write_health
+from rsibr.validation.job import validation_job
 from rsibr.validation.lobes import LobeJudge, has_lobes
 from rsibr.validation.metrics import compare
 from rsibr.validation.reference import MINIMUM_BUFFERS, ReferenceRenderer
@@ -58,6 +60,8 @@ def validate(
     out: Path | str | None = None,
     on_progress: Callable[[int, int], None] = lambda _done, _total: None,
     scene: Scene | None = None,
+    on_forecast: Callable[[JobSize], None] = lambda _: None,
+    allow_large: bool = False,
 ) -> Validation:
     """Compare methods with path-traced references at views that were not baked.
 
@@ -83,6 +87,10 @@ def validate(
         Called with the number of views done and the total.
     scene : Scene, optional
         Scene of the bake if it is prepared already; by default it is loaded.
+    on_forecast : callable
+        Called once with memory and time before the work begins.
+    allow_large : bool
+        Start even if the validation exceeds the free memory.
 
     Returns
     -------
@@ -92,7 +100,8 @@ def validate(
     Raises
     ------
     InputError
-        If a view or a method is invalid, an input file is missing, or `lobes` is set for a bake with a single lobe.
+        If a view or a method is invalid, an input file is missing, the memory is too small (unless `allow_large`), or
+        `lobes` is set for a bake with a single lobe.
     BakeError
         If the bake cannot be read, or its inputs have changed since.
     CheckFailed
@@ -104,7 +113,7 @@ def validate(
     >>> report = rsibr.validate("out/paint.rsibr", views=8, out="out/report")    # doctest: +SKIP
     >>> print(report.summary["rsibr"].rel_mse)                                   # doctest: +SKIP
     """
-    backend.use()
+    on_progress, on_forecast = backend.unlocked(on_progress), backend.unlocked(on_forecast)
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
     wanted = available(opened) if methods is None else methods
     names = [registration(name).name for name in dict.fromkeys(wanted)]
@@ -112,6 +121,9 @@ def validate(
         raise InputError("no method given", where="method", fix=f"there are: {', '.join(method_names())}")
     chosen = _chosen_views(opened, views)
     by_lobe = has_lobes(opened, names, lobes)
+    job = validation_job(opened, len(chosen), len(names), samples)
+    job.admit(None, allow_large)
+    on_forecast(job)
     load = cache(lambda: scene or Scene.prepare(opened.config))
     method_set = MethodSet(opened)
     maps = method_set.inputs.maps  # decoded once, shared by health check, exposure and methods

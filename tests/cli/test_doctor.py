@@ -45,6 +45,7 @@ def test_here_nothing_is_missing():
     assert found["backend"]["variant"] == backend.VARIANT_OF[found["backend"]["device"]]
     assert found["kernel"]["seconds"] > 0
     assert found["kernel"]["threads"] >= 1
+    assert found["cores"] >= 1
     assert 0 < found["memory"]["available"] <= found["memory"]["total"]
     assert 0 < found["disk"]["available"] <= found["disk"]["total"]
 
@@ -121,6 +122,25 @@ def test_a_kernel_that_kills_its_process_is_a_finding(monkeypatch):
     assert lack.exit_code == MachineError.exit_code
 
 
+def test_a_file_that_mitsuba_never_finishes_reading_is_a_finding(monkeypatch):
+    """As on one core, if the pool were not widened: the child is ended, and the step that hung is named."""
+    one_thread = "import drjit; drjit.set_thread_count(1)\n"
+    monkeypatch.setattr(module, "TRIAL", one_thread + module.TRIAL.replace("with backend.loading():", "if True:"))
+    monkeypatch.setattr(module, "TRIAL_SECONDS", 6.0)
+    diagnosis = diagnose()
+    (lack,) = diagnosis.missing
+    assert lack.what == "a trial OpenEXR file did not end within 6 s"
+    assert diagnosis.kernel == {}
+    assert diagnosis.exit_code == MachineError.exit_code
+
+
+def test_one_thread_is_named_with_what_it_hangs():
+    plenty = {"total": 2**40, "available": 2**39}
+    (line,) = module._advice({"path": "/nowhere/yet"}, plenty, plenty, 1)
+    assert "dr.set_thread_count(2)" in line
+    assert list(module._advice({"path": "/nowhere/yet"}, plenty, plenty, 2)) == []
+
+
 def test_the_cache_is_looked_for_where_drjit_looks(monkeypatch, tmp_path):
     (tmp_path / "kernel.bin").write_bytes(bytes(1000))
     monkeypatch.setenv("DRJIT_CACHE_DIR", str(tmp_path))
@@ -134,8 +154,8 @@ def test_the_cache_is_looked_for_where_drjit_looks(monkeypatch, tmp_path):
 
 def test_scarce_memory_and_disk_and_a_lost_cache_are_advice():
     plenty, scarce = {"total": 2**40, "available": 2**39}, {"total": 2**30, "available": 2**20}
-    assert list(module._advice({"path": "/nowhere/yet"}, plenty, plenty)) == []
-    advice = list(module._advice({"path": None}, scarce, scarce))
+    assert list(module._advice({"path": "/nowhere/yet"}, plenty, plenty, 2)) == []
+    advice = list(module._advice({"path": None}, scarce, scarce, 2))
     assert len(advice) == 3
     for line, word in zip(advice, ("DRJIT_CACHE_DIR", "memory", "disk"), strict=True):
         assert word in line

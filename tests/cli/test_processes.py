@@ -79,6 +79,47 @@ def test_a_bake_that_is_stopped_goes_on_and_ends_bit_identical(tmp_path, undistu
     assert {name: data for name, data in content(out).items() if name != "manifest.json"} == undisturbed
 
 
+STUCK = """
+import sys, time
+sys.argv = ["rsibr", "bake", "--json"]
+from rsibr.cli import app, watchdog
+import drjit as dr
+from drjit.llvm import Float, UInt32
+
+def busy():
+    state = UInt32(0), dr.arange(Float, 2**12)
+    _, x = dr.while_loop(state, lambda i, x: i < 10**9, lambda i, x: (i + 1, dr.sin(x)))
+    dr.eval(x)
+    print("begun", file=sys.stderr, flush=True)
+    {wait}
+
+app.app = lambda standalone_mode: busy()
+watchdog.GRACE = 0.2
+app.main()
+"""
+"""A command with a kernel of minutes: its main thread waits for it in compiled code, or would do so at the exit."""
+
+
+@pytest.mark.parametrize("wait", ["dr.sync_thread()", "time.sleep(100)"])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_ends_a_command_that_is_stuck_in_compiled_code(number, code, wait):
+    program = [sys.executable, "-c", STUCK.format(wait=wait)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": ROOT}
+    with subprocess.Popen(program, **pipes) as process:
+        try:
+            assert process.stderr.readline() == "begun\n"
+            time.sleep(0.3)  # into the wait
+            sent = time.monotonic()
+            process.send_signal(number)
+            stdout, stderr = process.communicate(timeout=10)
+        finally:
+            process.kill()
+    assert process.returncode == code
+    assert time.monotonic() - sent < 5
+    assert stderr == f"interrupted ({number.name})\n"
+    assert json.loads(stdout)["error"] == {"what": "interrupted", "where": number.name, "fix": "", "exit_code": code}
+
+
 def test_the_one_object_stands_alone_on_stdout(tmp_path):
     config = write_config(tmp_path, CONFIG.replace("samples = 16", "samples = 1264"))
     code, stdout, stderr = done("bake", config, "--out", tmp_path / "x.rsibr", "--json")
@@ -130,7 +171,7 @@ def tiny_disk(tmp_path):
 def test_a_full_disk_is_the_machines_lack_and_costs_no_view(shell, tmp_path, tiny_disk):
     config = write_config(tmp_path, CONFIG.replace("resolution = 8", "resolution = 32"))
     out = tiny_disk / "x.rsibr"
-    ended = shell.refuses("bake", config, "--out", out, "--json", code=3, says="No space left on device")
+    ended = shell.refuses("bake", config, "--out", out, "--yes", "--json", code=3, says="No space left on device")
     assert "Free some space" in ended.stderr
     manifest = json.loads((out / "manifest.json").read_text())
     kept = [view["file"] for view in manifest["views"] if view["done"]]
@@ -138,7 +179,7 @@ def test_a_full_disk_is_the_machines_lack_and_costs_no_view(shell, tmp_path, tin
     there = {str(file.relative_to(out)) for file in out.glob("maps/*")}
     assert set(kept) <= there  # a map may be there that the manifest had no room to count: the next writer sweeps it
     subprocess.run(["mount", "-o", "remount,size=1m", str(tiny_disk)], check=True)
-    assert shell("bake", config, "--out", out).code == 0
+    assert shell("bake", config, "--out", out, "--yes").code == 0
 
 
 def test_a_folder_that_may_not_be_written_to(tmp_path):

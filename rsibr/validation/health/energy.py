@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
+from rsibr import backend
+
 Array = NDArray[np.float64]
 
 FALSE_ALARMS = 1e-3
@@ -165,7 +167,7 @@ def mean_of_map(radiance: Array, variance: Array, coverage: Array) -> tuple[Arra
 
 def _light_samples(emitter: Mapping[str, Any]) -> tuple[Array, Array]:
     """Emitter samples: directions (n, 3), and radiance over density (n, 3)."""
-    scene = mi.load_dict({"type": "scene", "light": dict(emitter)})
+    scene = backend.load({"type": "scene", "light": dict(emitter)})
     index = dr.arange(mi.UInt32, _SIDE**2)
     generator = mi.PCG32(size=_SIDE**2)
     jitter = mi.Point2f(generator.next_float32(), generator.next_float32())

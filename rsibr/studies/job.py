@@ -1,0 +1,30 @@
+"""Forecast of a study's bytes, memory and time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from rsibr.baking.job import LIGHT_BYTES, NOISY_SHARE
+from rsibr.job_size import JobSize
+from rsibr.studies.agenda import Agenda, BakeSize
+from rsibr.studies.bench import Bench
+from rsibr.studies.rates import view_count
+
+PREPARED_BYTES = 150
+"""Memory of a stored texel, decoded and prepared for all methods [bytes]."""
+
+
+def study_job(benches: Sequence[Bench], agenda: Agenda, seconds: float) -> JobSize:
+    """Bytes of the missing bakes of a study, memory of its largest one, and the time of all steps."""
+    missing = [(bench, size) for bench in benches for size in _missing(bench, agenda)]
+    texels = [view_count(bench.scene, size) * size.resolution**2 for bench, size in missing]
+    lobes = [len(bench.scene.prepared.parts.split.names) for bench, _ in missing]
+    disk = sum(LIGHT_BYTES + NOISY_SHARE * 4 * count * (3 * k + 4) for count, k in zip(texels, lobes, strict=True))
+    name = f"study of {len(missing)} bake{'s' * (len(missing) != 1)}"
+    return JobSize(name, disk=round(disk), memory=PREPARED_BYTES * max(texels, default=0), seconds=seconds)
+
+
+def _missing(bench: Bench, agenda: Agenda) -> Iterator[BakeSize]:
+    for size, variants in agenda.items():
+        if any(bench.known_point(size, variant) is None for variant in variants):
+            yield size
