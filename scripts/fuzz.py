@@ -23,8 +23,9 @@ from typing import Any
 TARGETS = {
     "config-bytes": 0.16, "config-tables": 0.16, "override": 0.14, "views": 0.12, "environment": 0.12,
     "emitter": 0.05, "bsdf": 0.07, "xml": 0.05, "bake": 0.08, "command-line": 0.05,
+    "radiance": 0.15, "exr": 0.15,
 }  # fmt: skip
-"""What is fuzzed, and its share of the inputs."""
+"""What is fuzzed, and its share of the inputs; of `radiance` and `exr` the right picture is known."""
 
 PLUGINS = ("emitter", "bsdf", "xml")
 """Targets that a user's command loads in a process of its own first: a crash there must end as an error."""

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
+from fuzz_panoramas import Panoramas
 
 from rsibr.cli import app as command_line
 from rsibr.errors import InputError
@@ -153,6 +154,8 @@ class Inputs:
             "bake": self.altered_bake,
             "command-line": self.command_line,
         }
+        panoramas = Panoramas(folder, _mutated)
+        self.targets |= {"radiance": panoramas.radiance, "exr": panoramas.exr}
 
     def case(self, target: str, seed: int, number: int) -> Case:
         """Make input `number`; the same for the same arguments."""

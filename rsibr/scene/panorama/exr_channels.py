@@ -109,14 +109,14 @@ def _names(candidate: Candidate, headers: Sequence[Header], found: Sequence[Cand
     view = str(header.get("view", "")) if not candidate.layer else ""
     if not candidate.layer and isinstance(views, list) and views:
         view = str(views[0])  # the default view has no prefix
-    plain = candidate.layer or view or "RGB"
+    own = [candidate.layer] if candidate.layer else [*filter(None, [view]), "RGB"]
     if len(headers) == 1:
-        return list(dict.fromkeys([plain, *([] if candidate.layer else ["RGB"])]))
+        return own
     part = candidate.part_name or f"part {candidate.part}"
     alone = sum(other.part == candidate.part for other in found) == 1
     full = f"{part}/{candidate.layer}" if candidate.layer else part
     first = part if alone else full
-    return list(dict.fromkeys([first, full, *filter(None, [candidate.layer, view])]))
+    return list(dict.fromkeys([first, full, *own]))
 
 
 def _candidates(index: int, header: Header) -> Iterator[Candidate]:

@@ -33,6 +33,8 @@ BEGUN = "rsibr reads OpenEXR"
 IDLE = 20.0
 """Seconds without a request after which the process ends."""
 
+_UNOPENED = re.compile(r".*\b[Uu]nable to open .* for read.*|.* when attempting to open .*", re.DOTALL)
+_BAD_HEADER = "OpenEXR finds its header invalid"
 _DAMAGED = "get it again, or save it again as OpenEXR"
 
 
@@ -109,9 +111,14 @@ def _reasons(log: IO[bytes]) -> Iterator[None]:
         raise
     except MemoryError:
         raise InputError("does not fit into the memory", fix="scale the map down") from None
+    except UnicodeDecodeError:
+        raise InputError(
+            "holds a text that is not UTF-8, which OpenEXR's Python package does not read",
+            fix="remove the attribute, or save it again as OpenEXR",
+        ) from None
     except Exception as error:  # of many types, for what is damaged
         log.seek(0)
-        reason = _cause(log.read().decode(errors="replace")) or str(error)
+        reason = _cause(log.read().decode(errors="replace")) or _UNOPENED.sub(_BAD_HEADER, str(error))
         raise InputError(f"is truncated or damaged: {reason}", fix=_DAMAGED) from None
 
 
