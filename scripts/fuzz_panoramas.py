@@ -37,6 +37,10 @@ NO_SPACES = (
     (0.1, 0.1, 0.2, 0.2, 0.3, 0.3, 0.3127, 0.3290),
     (0.0,) * 8,
 )
+IRRELEVANT = ("# 32-bit_rle_xyze " + "y" * 80, "\tEXPOSURE=7", " FORMAT=32-bit_rle_xyze", "pcomb -s 2 FORMAT=x", "x=1")
+IRRELEVANT += ("\tPRIMARIES= 0 0 0 0 0 0 0 0", "#EXPOSURE=3", "exposure=3", "VIEW= -vtv -vp 0 0 0", "é" * 3)
+"""Lines of a Radiance header that change nothing."""
+
 _XYZ_OF_REC709 = np.array(  # IEC 61966-2-1 from its primaries, to seven digits
     [[0.4123908, 0.3575843, 0.1804808], [0.2126390, 0.7151687, 0.0721923], [0.0193308, 0.1191948, 0.9505322]]
 )
@@ -170,18 +174,7 @@ def _radiance_header(rng: random.Random, image: NDArray[np.float64]) -> tuple[by
         )
         sound = False
     for _ in range(rng.choice([0, 0, 1, 100])):
-        lines.append(
-            rng.choice(
-                [
-                    "# 32-bit_rle_xyze " + "y" * 80,
-                    "\tEXPOSURE=7",
-                    " FORMAT=32-bit_rle_xyze",
-                    "pcomb -s 2 FORMAT=x",
-                    "x=1",
-                ]
-                + ["\tPRIMARIES= 0 0 0 0 0 0 0 0", "#EXPOSURE=3", "exposure=3", "VIEW= -vtv -vp 0 0 0", "é" * 3]
-            )
-        )
+        lines.append(rng.choice(IRRELEVANT))
     lines.append(f"FORMAT={rng.choice(['', ' '])}32-bit_rle_rgbe{rng.choice(['', ' '])}")
     rng.shuffle(lines)
     end = rng.choice(["\n", "\n", "\r\n"])

@@ -50,10 +50,13 @@ class _Server:
 
     def close(self) -> None:
         """End the process, if there is one."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.communicate()
-            self._process = None
+        process, self._process = self._process, None
+        if process is None:
+            return
+        process.kill()
+        process.wait()
+        for pipe in filter(None, (process.stdin, process.stdout)):
+            pipe.close()  # not buffered: there is nothing to flush
 
     def forget(self) -> None:
         """Leave the process to the parent from which this one was forked."""

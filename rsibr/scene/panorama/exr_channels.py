@@ -122,12 +122,13 @@ def _names(candidate: Candidate, headers: Sequence[Header], found: Sequence[Cand
 def _candidates(index: int, header: Header) -> Iterator[Candidate]:
     layers: dict[str, set[str]] = {}
     for channel in header["channels"]:
-        layers.setdefault(channel.name[:-1], set()).add(channel.name[-1:])
-    for prefix in sorted(layers):
-        channels = _picture(layers[prefix])
-        if channels and (prefix.endswith(".") or not prefix or len(channels) == 3):
-            named = tuple(prefix + channel for channel in channels)
-            yield Candidate(index, str(header.get("name", "")), prefix.rstrip("."), named)
+        layer, _, name = channel.name.rpartition(".")
+        layers.setdefault(layer, set()).add(name)
+    for layer in sorted(layers):
+        channels = _picture(layers[layer])
+        if channels:
+            named = tuple(f"{layer}.{name}" if layer else name for name in channels)
+            yield Candidate(index, str(header.get("name", "")), layer, named)
 
 
 def _picture(names: set[str]) -> tuple[str, ...]:

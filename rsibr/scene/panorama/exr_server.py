@@ -66,7 +66,12 @@ def decode(
     InputError
         If the file cannot be used; without `where`.
     """
-    with _reasons(log), OpenEXR.File(path, header_only=True) as file:
+    with _reasons(log):
+        return _decoded(path, layer, most_texels)
+
+
+def _decoded(path: str, layer: str | None, most_texels: int) -> tuple[dict[str, Any], NDArray[np.float32]]:
+    with OpenEXR.File(path, header_only=True) as file:
         headers = [dict(part.header) for part in file.parts]
     if not headers:
         raise InputError("has no part", fix=_DAMAGED)
@@ -78,7 +83,7 @@ def decode(
         raise InputError(f"{width} × {height} texels are more than {most_texels}", fix="scale the map down")
     colours, noted = colours_of(header)
     layout = layout_of(header)
-    stored = _pixels(path, chosen, len(headers), log)
+    stored = _pixels(path, chosen, len(headers))
     if stored.shape[:2] != window.stored:
         raise InputError("is truncated or damaged: its pixels are not as many as its header says", fix=_DAMAGED)
     image = stored[slice(*window.rows), slice(*window.columns)]
@@ -86,9 +91,9 @@ def decode(
     return stated, np.ascontiguousarray(image)
 
 
-def _pixels(path: str, chosen: Candidate, parts: int, log: IO[bytes]) -> NDArray[np.float32]:
+def _pixels(path: str, chosen: Candidate, parts: int) -> NDArray[np.float32]:
     """Pixels (H, W, C) of the chosen channels. OpenEXR leaves out the parts that it cannot decode, without raising."""
-    with _reasons(log), OpenEXR.File(path, separate_channels=True) as file:
+    with OpenEXR.File(path, separate_channels=True) as file:
         if len(file.parts) != parts:
             raise RuntimeError("its pixels cannot be decoded")
         channels = file.parts[chosen.part].channels
