@@ -94,7 +94,7 @@ def test_hdr_exposure(panorama):
     for file in ("hdr_colorcorr.hdr", "hdr_prim2020.hdr"):
         off = np.abs(read("hdr_exposure", file).image - panorama) / panorama.max(axis=2, keepdims=True)
         assert off.max() < 0.04  # eight bits, of a channel that was doubled
-        assert off.mean() < 0.004
+        assert off.mean() < 0.01
 
 
 @pytest.mark.parametrize("file", ["hdr_pYpX.hdr", "hdr_mYmX.hdr", "hdr_pXmY.hdr", "hdr_oldrle.hdr"])

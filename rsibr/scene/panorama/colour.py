@@ -56,7 +56,7 @@ def to_rec709(picture: Picture, where: str) -> tuple[NDArray[np.float32], tuple[
     if _same(stated, REC709) and (picture.neutral is None or _same(picture.neutral, REC709[6:])):
         return picture.image, ()
     if _same(stated, XYZ) and (picture.neutral is None or _same(picture.neutral, REC709[6:])):
-        matrix = np.linalg.inv(_to_xyz(REC709, where))
+        matrix: Matrix = np.linalg.inv(_to_xyz(REC709, where)).astype(np.float64)
         return _times(matrix, picture.image), ("its CIE XYZ values were converted to Rec.709",)
     white = picture.neutral or stated[6:]
     matrix = rec709_matrix(stated, picture.neutral, where)
@@ -104,7 +104,7 @@ def rec709_matrix(stated: Chromaticities, neutral: Point | None = None, where: s
         adaptation = colour.adaptation.matrix_chromatic_adaptation_VonKries(
             colour.xy_to_XYZ(white), colour.xy_to_XYZ(np.array(REC709[6:])), transform=ADAPTATION
         )
-    matrix: Matrix = np.linalg.inv(_to_xyz(REC709, where)) @ adaptation @ to_xyz
+    matrix: Matrix = np.linalg.inv(_to_xyz(REC709, where)).astype(np.float64) @ adaptation @ to_xyz
     if not (np.isfinite(matrix).all() and np.abs(matrix).max() < _LARGEST):
         raise _no_space(stated, where)
     return matrix
@@ -117,7 +117,7 @@ def _to_xyz(stated: Chromaticities, where: str) -> Matrix:
     x, y = np.array(stated[0:6:2]), np.array(stated[1:6:2])
     primaries: Matrix = np.stack([x, y, 1.0 - x - y])
     white = np.array([stated[6], stated[7], 1.0 - stated[6] - stated[7]]) / stated[7]
-    shares = np.linalg.solve(primaries, white)
+    shares: Matrix = np.linalg.solve(primaries, white).astype(np.float64)
     if not (shares > 0.0).all():  # the white lies outside their triangle
         raise _no_space(stated, where)
     return primaries * shares

@@ -103,7 +103,7 @@ class _Server:
             image = np.empty(told.get("shape", 0), np.float32)
             if "error" in told:
                 return told, image
-            if told and self._fill(memoryview(image).cast("B") if image.size else memoryview(b""), deadline):
+            if told and self._fill(image.data.cast("B") if image.size else memoryview(b""), deadline):
                 return told, image
         except BrokenPipeError:
             pass

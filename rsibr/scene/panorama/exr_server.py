@@ -140,7 +140,7 @@ def _answer(request: dict[str, Any], log: IO[bytes]) -> tuple[dict[str, Any], by
         return {"error": [error.what, error.fix]}, b""
     except MemoryError:
         return {"error": ["does not fit into the memory", "scale the map down"]}, b""
-    return {**stated, "shape": image.shape}, memoryview(image).cast("B")
+    return {**stated, "shape": image.shape}, image.data.cast("B")
 
 
 def main() -> int:
