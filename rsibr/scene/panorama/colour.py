@@ -101,9 +101,9 @@ def rec709_matrix(stated: Chromaticities, neutral: Point | None = None, where: s
     to_xyz = _to_xyz(stated, where)
     adaptation: Matrix = np.eye(3)
     if not _same(tuple(white), REC709[6:]):
-        adaptation = colour.adaptation.matrix_chromatic_adaptation_VonKries(
-            colour.xy_to_XYZ(white), colour.xy_to_XYZ(np.array(REC709[6:])), transform=ADAPTATION
-        )
+        source, target = colour.xy_to_XYZ(white), colour.xy_to_XYZ(np.array(REC709[6:]))
+        found = colour.adaptation.matrix_chromatic_adaptation_VonKries(source, target, transform=ADAPTATION)
+        adaptation = np.asarray(found, dtype=np.float64)
     matrix: Matrix = np.linalg.inv(_to_xyz(REC709, where)).astype(np.float64) @ adaptation @ to_xyz
     if not (np.isfinite(matrix).all() and np.abs(matrix).max() < _LARGEST):
         raise _no_space(stated, where)
