@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import OpenEXR
 from fuzz_bakes import BakeInputs
+from fuzz_panoramas import Panoramas
 
 from rsibr.cli import app as command_line
 from rsibr.errors import InputError
@@ -127,7 +128,10 @@ SOUND = {
 STRANGER = "stranger.rsibr"
 """Bake beside the small one, which `fuzz_bakes` alters."""
 
-FAMILIES: list[Callable[[Path, Path], Any]] = [lambda folder, bake: BakeInputs(folder, bake.with_name(STRANGER))]
+FAMILIES: list[Callable[[Path, Path], Any]] = [
+    lambda folder, bake: BakeInputs(folder, bake.with_name(STRANGER)),
+    lambda folder, _bake: Panoramas(folder, _mutated),
+]
 """Further inputs, a file each: (folder, small bake) → object whose `targets()` are kinds by name, as those of `Inputs`.
 
 A kind is fuzzed if `fuzz.TARGETS` gives it a share.

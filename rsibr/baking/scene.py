@@ -106,7 +106,9 @@ class Scene:
     def plan(self) -> Plan:
         """Plan of the simulated effects, without costs."""
         block = self.block or block_sizes(self.config.sampling.count).size
-        return make_plan(self.config, self.parts.probes, self.parts.sampling_ratio(block))
+        made = make_plan(self.config, self.parts.probes, self.parts.sampling_ratio(block))
+        notes = tuple(f"{self.environment.name}: {note}" for note in self.environment.notes)
+        return replace(made, environment_notes=notes)
 
     @property
     def rendering(self) -> Rendering:

@@ -62,7 +62,7 @@ def step_progress(name: str) -> Iterator[Callable[[int, int], None]]:
 
 
 def note_peculiarities(bake: Bake) -> None:
-    """Print notes on the material, on effects that were forced off, and on clipped values of the environment."""
+    """Print notes on the material, the environment, effects that were forced off, and clipped values."""
     for note in bake.manifest.material.notes:
         console.print(printable(f"note: {bake.manifest.material.name}: {note}"))
     for note in bake.manifest.plan.notes() if bake.manifest.plan else ():

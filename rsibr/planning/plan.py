@@ -131,6 +131,8 @@ class Plan:
         Time that measuring the material and the light took.
     costs_from : str
         Origin of the costs, for display.
+    environment_notes : tuple of str
+        What was converted or left aside when the environment was read, and what looks odd.
     """
 
     __pydantic_config__ = _STRICT
@@ -145,6 +147,7 @@ class Plan:
     bytes: int | None
     probe_seconds: float
     costs_from: str
+    environment_notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         on = ", ".join(effect.name for effect in self.effects if effect.on)
@@ -173,7 +176,8 @@ class Plan:
         return tuple(effect for effect in self.effects if effect.missed)
 
     def notes(self) -> Iterator[str]:
-        """One sentence for each effect that matters and is left out."""
+        """One sentence for each peculiarity of the environment, and for each effect that matters and is left out."""
+        yield from self.environment_notes
         for effect in self.missed:
             yield f"{effect.name} matters here and is left out ({number(effect.evidence)} {effect.unit}): {effect.why}"
 

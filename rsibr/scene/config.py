@@ -115,6 +115,8 @@ class EnvironmentConfig(_Section):
         Latitude–longitude map, OpenEXR or Radiance HDR.
     emitter : dict, optional
         Mitsuba emitter at infinity, as plain data.
+    layer : str, optional
+        Layer, part or view of an OpenEXR `file` that holds several pictures.
     rotation_deg : float
         Rotation about +Y [°], counter-clockwise seen from above.
     scale : float
@@ -123,12 +125,15 @@ class EnvironmentConfig(_Section):
 
     file: FilePath | None = None
     emitter: PluginTable | None = None
+    layer: str | None = None
     rotation_deg: Finite = 0.0
     scale: Finite = Field(default=1.0, gt=0.0)
 
     @model_validator(mode="after")
     def _one_source(self) -> EnvironmentConfig:
         self._require_exactly_one("file", "emitter")
+        if self.layer is not None and self.file is None:
+            raise ValueError("layer chooses a picture of a file: give file in place of emitter")
         return self
 
 

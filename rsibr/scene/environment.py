@@ -16,7 +16,7 @@ from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.scene.config import EnvironmentConfig
 from rsibr.scene.latlong import LatLong, read_latlong
-from rsibr.scene.orientation import rotated
+from rsibr.scene.orientation import rotated, turned
 from rsibr.scene.plugin import (
     canonical_json,
     content_digest,
@@ -68,6 +68,8 @@ class Environment:
         Lowest of these values; 0 if there was none.
     plugin : dict
         Mitsuba emitter as plain data, rotated, without the image.
+    notes : tuple of str
+        What was converted, cut off or left aside when a map was read, and what looks odd.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Environment:
     clipped: int
     lowest: float
     plugin: dict[str, Any] = field(repr=False)
+    notes: tuple[str, ...] = ()
 
     @property
     def width(self) -> int:
@@ -150,22 +153,25 @@ def _read(config: EnvironmentConfig) -> Environment:
     plugin: dict[str, Any] = config.emitter or {"type": "envmap", "filename": str(config.file)}
     name = config.file.stem if config.file else str(plugin["type"])
     plugin = in_every_variant(rotated(plugin, config.rotation_deg, _WHERE), _WHERE)
-    build = _map if plugin["type"] == "envmap" else _plain
-    return build(name, plugin, config.scale)
+    if plugin["type"] == "envmap":
+        return _map(name, plugin, config.scale, config.layer)
+    return _plain(name, plugin, config.scale)
 
 
-def _map(name: str, plugin: dict[str, Any], scale: float) -> Environment:
+def _map(name: str, plugin: dict[str, Any], scale: float, layer: str | None) -> Environment:
     if "filename" not in plugin:
         raise InputError("an envmap needs the key filename", where=_WHERE, fix="or give environment.file")
     path = Path(plugin.pop("filename"))
     own_scale = plugin.pop("scale", 1.0)
     if isinstance(own_scale, bool) or not isinstance(own_scale, int | float) or own_scale <= 0.0:
         raise InputError(f"scale = {own_scale} should be a positive number", where=_WHERE)
-    latlong = read_latlong(path)
+    latlong = read_latlong(path, layer=layer)
     image = _usable(latlong, scale * own_scale, path)
+    if latlong.turn:
+        plugin["to_world"] = turned(plugin.get("to_world"), latlong.turn)
     shape = "x".join(map(str, image.shape))
     digest = content_digest(f"{canonical_json(plugin)} {shape}", data=image.astype("<f4").tobytes())
-    return Environment(name, digest, image, latlong.clipped, latlong.lowest, plugin)
+    return Environment(name, digest, image, latlong.clipped, latlong.lowest, plugin, latlong.notes)
 
 
 def _usable(latlong: LatLong, scale: float, path: Path) -> NDArray[np.float32]:

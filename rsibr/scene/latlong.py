@@ -5,18 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import mitsuba as mi
 import numpy as np
-import OpenEXR
 from numpy.typing import NDArray
 
-from rsibr import backend
 from rsibr.errors import InputError
-from rsibr.scene.plugin import mitsuba_errors
-
-_EXR_MAGIC = b"\x76\x2f\x31\x01"
-_HDR_MAGIC = b"#?"
-_HDR_XYZ = b"32-bit_rle_xyze"
+from rsibr.scene.panorama.colour import to_rec709
+from rsibr.scene.panorama.exr import read_exr
+from rsibr.scene.panorama.exr_channels import KEY
+from rsibr.scene.panorama.layout import aspect_notes, from_cube, without_seam
+from rsibr.scene.panorama.picture import Picture
+from rsibr.scene.panorama.radiance_hdr import read_radiance
+from rsibr.scene.panorama.source import is_exr
 
 MAX_TEXELS = 2**30
 """Largest number of texels: Mitsuba indexes the four floats a texel of an envmap with 32 bits."""
@@ -35,94 +34,76 @@ class LatLong:
         Number of values (channels of texels) that were negative and were set to 0.
     lowest : float
         Lowest of these values; 0 if there was none.
+    turn : float
+        Angle [rad] about +Y, by which the map is to be turned to lie as its file says: half a texel or 0.
+    notes : tuple of str
+        What was converted, cut off or left aside, and what looks odd; a sentence each.
     """
 
     image: NDArray[np.float32]
     clipped: int
     lowest: float
+    turn: float = 0.0
+    notes: tuple[str, ...] = ()
 
 
-def read_latlong(path: Path, most_texels: int = MAX_TEXELS) -> LatLong:
-    """Read a latitude–longitude map.
+def read_latlong(path: Path, most_texels: int = MAX_TEXELS, layer: str | None = None) -> LatLong:
+    """Read a latitude–longitude map, or a picture that its header describes and that can be converted to one.
 
     Parameters
     ----------
     path : Path
-        OpenEXR (half or float; RGB, RGBA, a single channel Y, or one RGB layer; the first part of several) or Radiance
-        HDR (RGBE). Any aspect ratio. An EXR that states its primaries is converted to Rec.709.
+        OpenEXR (half or float; RGB, XYZ or a single Y; any window, tiles or scan lines) or Radiance HDR (RGBE, any
+        order of its texels). Any aspect ratio.
     most_texels : int
         Texels at most.
+    layer : str, optional
+        Layer, part or view of an OpenEXR file with several pictures; see `rsibr.scene.panorama.exr_channels.choose`.
 
     Raises
     ------
     InputError
-        If the file is missing, truncated or of another format, has other channels, shows only a part of its panorama,
-        or contains NaN or Inf; the message names file, texel and channel.
+        If the file is missing, truncated, damaged or of another format, holds several pictures and none is chosen,
+        shows only a part of its panorama, states what cannot be obeyed, or contains NaN or Inf; the message names file,
+        texel and channel.
 
     Notes
     -----
-    `mi.Bitmap` reads both formats without a variant and, unlike `OpenEXR.File`, raises on a truncated file.
+    Obeyed are, of OpenEXR, the windows, `envmap`, `chromaticities`, `colorInteropID`, `acesImageContainerFlag`,
+    `adoptedNeutral` and `multiView`; of Radiance, FORMAT, EXPOSURE, COLORCORR, PRIMARIES, GAMMA and the resolution
+    line. Whatever else a header says (`pixelAspectRatio`, PIXASPECT, `screenWindowWidth`, …) does not change a picture
+    that shows the whole sphere.
     """
-    is_exr = _is_exr(path)
-    with backend.loading(), mitsuba_errors(str(path), "save it again as OpenEXR or Radiance HDR; it may be truncated"):
-        bitmap = mi.Bitmap(str(path))
-        pixels = np.array(bitmap)
-        names = [field.name for field in bitmap.struct_()]
-    if is_exr:
-        _check_whole_panorama(path)
-    if pixels.shape[0] * pixels.shape[1] > most_texels:
-        height, width = pixels.shape[:2]
-        raise InputError(
-            f"{width} × {height} texels are more than {most_texels}", where=str(path), fix="scale the map down"
-        )
-    image = _rgb(pixels.reshape(*pixels.shape[:2], -1), names, path)
+    path = Path(path)
+    picture = _read(path, most_texels, layer)
+    image, notes = to_rec709(picture, str(path))
     _check_finite(image, path)
+    turn = 0.0
+    if picture.layout == "latlong":
+        image, turn = without_seam(image)
+        notes += ("its envmap attribute puts the first and the last column into one direction; obeyed",)
+    elif picture.layout == "cube":
+        image = from_cube(image, most_texels, str(path))
+        notes += (f"its cube was converted to {image.shape[1]} × {image.shape[0]} texels of latitude and longitude",)
+    else:
+        notes += aspect_notes(*image.shape[:2])
     negative = image < 0.0
     lowest = float(image.min())
-    return LatLong(np.where(negative, np.float32(0.0), image), int(negative.sum()), min(lowest, 0.0))
+    return LatLong(
+        image=np.where(negative, np.float32(0.0), image),
+        clipped=int(negative.sum()),
+        lowest=min(lowest, 0.0),
+        turn=turn,
+        notes=(*picture.notes, *notes),
+    )
 
 
-def _is_exr(path: Path) -> bool:
-    try:
-        with path.open("rb") as stream:
-            head = stream.read(4096)
-    except FileNotFoundError:
-        raise InputError("there is no such environment map", where=str(path), fix="check the path") from None
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from None
-    if not head.startswith((_EXR_MAGIC, _HDR_MAGIC)):
-        raise InputError("is neither OpenEXR nor Radiance HDR", where=str(path), fix="convert it to one of them")
-    if head.startswith(_HDR_MAGIC) and _HDR_XYZ in head:
-        raise InputError("holds XYZ, not RGB", where=str(path), fix="convert it to RGBE or OpenEXR")
-    return head.startswith(_EXR_MAGIC)
-
-
-def _check_whole_panorama(path: Path) -> None:
-    with mitsuba_errors(
-        str(path), "save it again as OpenEXR; its header is damaged"
-    ):  # raises the same errors as Mitsuba
-        header = OpenEXR.File(str(path), header_only=True).header(0)
-    if not np.array_equal(np.ravel(header["dataWindow"]), np.ravel(header["displayWindow"])):
-        raise InputError(
-            "shows only a part of its panorama (data and display window differ)",
-            where=str(path),
-            fix="save it with one window",
-        )
-
-
-def _rgb(pixels: NDArray[np.generic], names: list[str], path: Path) -> NDArray[np.float32]:
-    if not np.issubdtype(pixels.dtype, np.floating):
-        raise InputError(f"holds {pixels.dtype}, not radiance", where=str(path), fix="save it as half or float")
-    layers = sorted(name[:-1] for name in names if name.endswith("R") and {name[:-1] + c for c in "GB"} <= set(names))
-    if layers:
-        chosen = [names.index(layers[0] + channel) for channel in "RGB"]
-    elif "Y" in names and "RY" not in names:
-        chosen = [names.index("Y")] * 3
-    else:
-        raise InputError(
-            f"has the channels {', '.join(names)}, no R, G, B and no single Y", where=str(path), fix="save it as RGB"
-        )
-    return np.ascontiguousarray(pixels[..., chosen], dtype=np.float32)
+def _read(path: Path, most_texels: int, layer: str | None) -> Picture:
+    if is_exr(path):
+        return read_exr(path, layer, most_texels)
+    if layer is not None:
+        raise InputError("is a Radiance HDR, which has no layers", where=str(path), fix=f"leave out {KEY}")
+    return read_radiance(path, most_texels)
 
 
 def _check_finite(image: NDArray[np.float32], path: Path) -> None:

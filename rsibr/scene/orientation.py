@@ -57,6 +57,25 @@ def rotated(plugin: dict[str, Any], angle_deg: float, where: str) -> dict[str, A
     return result
 
 
+def turned(to_world: Any, angle: float) -> list[list[float]]:
+    """Compose a matrix with a rotation about +Y that comes before it.
+
+    Parameters
+    ----------
+    to_world : list of four rows of four numbers, or None
+        The matrix; None: the identity.
+    angle : float
+        Angle [rad], counter-clockwise seen from above.
+
+    Returns
+    -------
+    list of four rows of four numbers
+    """
+    outer = np.eye(4) if to_world is None else np.array(to_world, dtype=np.float64)
+    composed: list[list[float]] = (outer @ rotation_about_y(np.rad2deg(angle))).tolist()
+    return composed
+
+
 def _numbers(value: Any, shape: tuple[int, ...], where: str) -> NDArray[np.float64]:
     fix = "write a vector [x, y, z]" if shape == (3,) else "write four rows of four numbers"
     try:

@@ -24,7 +24,9 @@ def fuzz(out: Path, inputs: int, seed: int) -> dict:
     return report
 
 
-@pytest.mark.parametrize("target", ["config-bytes", "config-tables", "override", "views", "environment", "bake"])
+@pytest.mark.parametrize(
+    "target", ["config-bytes", "config-tables", "override", "views", "environment", "bake", "radiance", "exr"]
+)
 def test_some_inputs_of_every_reader(tmp_path, monkeypatch, target):
     monkeypatch.syspath_prepend(str(SCRIPT.parent))
     from fuzz import ending

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import mitsuba as mi
 import numpy as np
-import OpenEXR
 import pytest
 
 from rsibr.errors import InputError
@@ -58,19 +57,12 @@ def test_a_named_layer_is_found_among_other_channels(tmp_path, image):
     np.testing.assert_array_equal(read_latlong(path).image, image)
 
 
-def test_the_first_of_several_parts_is_taken(tmp_path, image):
-    parts = [OpenEXR.Part({"name": "a"}, {"RGB": image}), OpenEXR.Part({"name": "b"}, {"RGB": 0 * image})]
-    with OpenEXR.File(parts) as file:
-        file.write(str(tmp_path / "a.exr"))
-    np.testing.assert_array_equal(read_latlong(tmp_path / "a.exr").image, image)
-
-
 def test_primaries_in_the_header_are_converted(tmp_path):
-    """White of ACEScg becomes white of Rec.709, and its pure green lies outside: red and blue below zero, clipped."""
+    """White of ACEScg becomes white of Rec.709; its pure green lies outside: red and blue below zero, clipped."""
     acescg = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
     image = np.array([[[1, 1, 1], [0, 1, 0]]] * 2, dtype=np.float32)
     read = read_latlong(write_channels(tmp_path / "a.exr", {"RGB": image}, chromaticities=acescg))
-    np.testing.assert_allclose(read.image[0, 0].sum(), 3.0, rtol=0.02)
+    np.testing.assert_allclose(read.image[0, 0], 1.0, rtol=1e-6)
     np.testing.assert_array_equal(read.image[0, 1] > 0.0, [False, True, False])
     assert read.clipped == 4
 
@@ -112,7 +104,7 @@ def test_a_truncated_hdr_is_refused(tmp_path, image):
 def test_files_that_are_no_radiance_map(tmp_path, image):
     path = tmp_path / "a.exr"
     assert "there is no such environment map" in refusal(path)
-    assert "Is a directory" in refusal(tmp_path)
+    assert "is a folder" in refusal(tmp_path)
     path.write_bytes(b"<html>not found</html>")
     assert "neither OpenEXR nor Radiance HDR" in refusal(path)
     mi.Bitmap((255 * image).astype(np.uint8)).write(str(tmp_path / "a.png"))
@@ -143,7 +135,7 @@ def test_hc29_too_many_texels_names_the_limit(tmp_path, image):
     assert "24 × 12 texels are more than 100" in refusal(write_exr(tmp_path / "a.exr", image), most_texels=100)
 
 
-@pytest.mark.parametrize(("name", "lowest"), [("city", -0.0014), ("courtyard", -0.0032)])
+@pytest.mark.parametrize(("name", "lowest"), [("city", -0.0016), ("courtyard", -0.0032)])
 def test_the_maps_that_come_along_are_readable(name, lowest):
     read = read_latlong(scenes() / "environments" / f"{name}.exr")
     assert read.image.shape == (512, 1024, 3)
