@@ -2,9 +2,9 @@
 
     python scripts/mutants.py [--only hc07 bilinear-row-up …] [--jobs 2]
 
-The list is `scripts/mutants.toml`: guards of the hard cases, taken out, and formulas, altered. One that no test misses is
-not tested: the exit code is 1 where one survives, where its text is no longer found in the source, or where the tests
-fail on the sources as they are. An alteration declared equivalent is run too, and must survive.
+The list is `scripts/mutants.toml`: guards of the hard cases, taken out, and formulas, altered. One that no test notices
+is not tested: the exit code is 1 where one survives, where its text is no longer found in the source, or where the
+tests fail on the sources as they are. An alteration declared equivalent is run too, and must survive.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import tempfile
 import time
 import tomllib
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -147,10 +147,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(options.jobs) as pool:
         work = [None, *mutants]  # first the sources as they are: only then does a failing test mean anything
         futures = [pool.submit(_run, mutant, mutants, Path(scratch) / str(i)) for i, mutant in enumerate(work)]
-        outcomes = []
-        for future in futures:
-            outcomes.append(future.result())
-            console.print(_line(outcomes[-1]), markup=False, highlight=False)
+        for future in as_completed(futures):
+            console.print(_line(future.result()), markup=False, highlight=False)
+        outcomes = [future.result() for future in futures]
     console.print(_table(outcomes))
     for line in summary(outcomes):
         console.print(line, markup=False, highlight=False)

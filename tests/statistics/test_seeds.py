@@ -88,3 +88,7 @@ def test_the_bake_takes_the_branch_of_its_view(taken):
 def test_the_buffers_of_a_reference_share_no_seed(taken):
     ReferenceRenderer(GREY_SKY, LAMBERT, N, max_lanes=N * N * 8).render(FRAMES[0], samples=256)
     assert len(set(taken)) == len(taken) == 8 * 4
+    taken.clear()
+    integrator = SphereIntegrator(GREY_SKY.emitter(), LAMBERT.bsdf(), N)
+    LobeReference(integrator, samples=32, buffers=8, seed=0).buffers(FRAMES[0])
+    assert len(set(taken)) == len(taken) == 8

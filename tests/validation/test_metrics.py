@@ -9,7 +9,7 @@ from rsibr.errors import CheckFailed
 from rsibr.store.map_file import MapFile
 from rsibr.store.noise import map_noise
 from rsibr.validation.flip import exposures_for
-from rsibr.validation.metrics import compare, noise_floor, relative_mse_of_samples, relative_noise_map
+from rsibr.validation.metrics import _Moments, compare, noise_floor, relative_mse_of_samples, relative_noise_map
 from rsibr.validation.reference import Reference
 from tests.validation.doubles import disk, noisy_reference, smooth_map
 
@@ -257,6 +257,15 @@ def test_the_noise_of_a_map_is_that_of_the_judged_texels():
     frame = np.eye(3)
     stored = MapFile(frame[:, 2], frame, {"radiance": radiance}, variance, coverage)
     assert map_noise(stored) == pytest.approx(0.01 / (2**2 * 1.01), rel=1e-6)
+
+
+def test_moments_without_a_buffer_are_those_of_the_others(rng):
+    """Mean and variance of the mean of the remaining buffers, by leaving each out in earnest."""
+    buffers = rng.gamma(2.0, size=(6, 50, 3))
+    for k, moments in enumerate(_Moments.leaving_out_each(buffers)):
+        rest = np.delete(buffers, k, axis=0)
+        np.testing.assert_allclose(moments.mean, rest.mean(axis=0), rtol=1e-12)
+        np.testing.assert_allclose(moments.variance, rest.var(axis=0, ddof=1) / 5, rtol=1e-9)
 
 
 def test_samples_and_buffers_are_debiased_both(rng):
