@@ -1,5 +1,7 @@
 """Lattices of samples: even in the projections that count, uniform by their shifts, independent between blocks."""
 
+import math
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -35,6 +37,22 @@ def test_no_two_directions_are_close(points):
     assert closest(found["light"][0].astype(np.float64)) > 0.6 * best
     assert closest(found["direction"][0].astype(np.float64)) > 0.6 * best
     assert closest(found["texel"][0].astype(np.float64)) > 0.4 * best
+
+
+@pytest.mark.parametrize("points", [16, 37, 64, 144])
+def test_no_other_lattice_of_directions_integrates_better(points):
+    """Worst-case error by its Fourier series: Σ 1/(max(1, h₁²) max(1, h₂²)) over h ≠ 0 with h₁ + z h₂ = 0 mod n."""
+    h = np.arange(-4 * points, 4 * points + 1)
+    share = 1 / np.maximum(1, np.abs(h)) ** 2
+    pairs = share[:, None] * share * ((h[:, None] != 0) | (h != 0))
+
+    def error(z):
+        return pairs[(h[:, None] + z * h) % points == 0].sum()
+
+    first, second = generator(points).direction
+    assert first == 1
+    least = min(error(z) for z in range(1, points // 2 + 1) if math.gcd(z, points) == 1)
+    assert error(second) == pytest.approx(least, rel=1e-3)
 
 
 @pytest.mark.parametrize("points", [1, 2, 3, 16, 100, MAX_POINTS])
