@@ -35,7 +35,7 @@ test-slow: setup ## the slow tests alone
 test-all: setup ## every test
 	@$(WITH_LLVM) $(BIN)/python -m pytest
 
-mutants: setup ## take each guard of the hard cases out of a copy and see that a test notices
+mutants: setup ## alter formulas and take out guards, each in a copy, and see that a test notices
 	@$(WITH_LLVM) $(BIN)/python scripts/mutants.py
 
 lint: setup ## style, format, types, layers

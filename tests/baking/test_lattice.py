@@ -1,5 +1,7 @@
 """Lattices of samples: even in the projections that count, uniform by their shifts, independent between blocks."""
 
+import math
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -35,6 +37,28 @@ def test_no_two_directions_are_close(points):
     assert closest(found["light"][0].astype(np.float64)) > 0.6 * best
     assert closest(found["direction"][0].astype(np.float64)) > 0.6 * best
     assert closest(found["texel"][0].astype(np.float64)) > 0.4 * best
+
+
+def worst_case(points, components, weights):
+    """Worst-case error by its Fourier series: Σ Π γ_i/h_i² over all h ≠ 0 with h·z = 0 mod n (1 where h_i = 0)."""
+    h = np.arange(-64 * points, 64 * points + 1)
+    spectrum = np.ones(points)
+    for z, weight in zip(components, weights, strict=True):
+        share = np.where(h == 0, 1.0, weight / np.maximum(1, np.abs(h)) ** 2)
+        by_residue = np.bincount(z * h % points, share, points)
+        spectrum = spectrum * np.fft.fft(by_residue).real  # a convolution over the residues: even, so real
+    return spectrum.mean() - 1
+
+
+@pytest.mark.parametrize("points", [16, 37, 64, 144])
+def test_no_other_component_integrates_better(points):
+    """Of the second dimension of a direction, and of the choice of a lobe beside it, which counts 0.3 as much."""
+    found = generator(points)
+    coprime = [z for z in range(1, points // 2 + 1) if math.gcd(z, points) == 1]
+    assert found.direction[0] == 1
+    for chosen, weights in ((found.direction, (1, 1)), ((*found.direction, found.choice), (1, 1, 0.3))):
+        least = min(worst_case(points, (*chosen[:-1], z), weights) for z in coprime)
+        assert worst_case(points, chosen, weights) == pytest.approx(least, rel=1e-3)
 
 
 @pytest.mark.parametrize("points", [1, 2, 3, 16, 100, MAX_POINTS])

@@ -1,10 +1,12 @@
 """The light of a bake: whole or not there, the same after every interruption, and never taken for what it is not."""
 
+import io
 import json
 import os
 from dataclasses import replace
 
 import numpy as np
+import OpenEXR
 import pytest
 
 from rsibr.baking import baker
@@ -124,6 +126,14 @@ def test_what_the_file_holds_is_what_would_be_computed():
     assert found.irradiance(2 * MATTE) is found.irradiances[1].image
     other = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
     assert np.array_equal(found.irradiance(other), irradiance_map(found.picture, other))
+
+
+def test_each_level_says_how_wide_it_is():
+    """One texel, 2√π/R rad, and √2 more a level, as file-format.md promises to other readers of the file."""
+    with OpenEXR.File(io.BytesIO(encode_light(light(with_tables=True)))) as file:
+        widths = {part.name(): part.header["rsibr:width"] for part in file.parts if part.name().startswith("level.")}
+    assert list(widths) == [f"level.{number:02d}" for number in range(1, len(widths) + 1)]
+    assert list(widths.values()) == pytest.approx(2 * np.sqrt(np.pi) / 16 * np.sqrt(2.0) ** np.arange(len(widths)))
 
 
 def test_levels_of_another_picture_are_refused():

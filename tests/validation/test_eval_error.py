@@ -90,3 +90,14 @@ def test_the_mean_of_few_samples_is_debiased(rng):
     ]
     exact = float(((0.1 * truth) ** 2 / (truth**2 + (0.1 * truth.mean(axis=0)) ** 2)).mean())
     assert abs(np.mean(found) - exact) < 5 * np.std(found) / np.sqrt(len(found)) < 0.1 * exact
+
+
+def test_points_are_judged_where_maps_are(reference):
+    """Whatever the reference holds in texels of less than half coverage."""
+    rim = (reference.coverage > 0) & (reference.coverage < 0.5)
+    assert rim.any()
+    buffers = reference.buffers.copy()
+    buffers[:, rim] = 1e3
+    spoilt = Reference(buffers, reference.coverage, 8, 1.0)
+    plain, other = (judge_eval(Striped(None), FRAME, one, seed=3).rel_mse for one in (reference, spoilt))
+    assert other == plain

@@ -59,3 +59,12 @@ def test_a_black_reference_does_not_end_the_process():
     black = np.zeros((16, 16, 3), dtype=np.float32)
     assert flip_map(black, black, exposures_for(0.0)).max() == 0
     assert flip_map(black, black + 1, exposures_for(0.0)).min() > 0
+
+
+@pytest.mark.parametrize("mean", [1e-3, 0.18, 1.0, 5e4])
+def test_the_mean_is_shown_as_middle_grey_between_the_exposures(mean):
+    """Of the mean radiance, 0.18 is 4 stops above the first exposure and 2 below the last; one every 2 stops."""
+    exposures = exposures_for(mean)
+    assert mean * 2 ** (exposures.start + 4) == pytest.approx(0.18)
+    assert mean * 2 ** (exposures.stop - 2) == pytest.approx(0.18)
+    assert (exposures.stop - exposures.start) / (exposures.count - 1) == pytest.approx(2)

@@ -92,6 +92,10 @@ def test_lobes_are_held_against_a_reference_of_samples_of_their_own(baked, scene
     assert list(found.errors) == scene.parts.split.names
     assert sum(error.light for error in found.errors.values()) == pytest.approx(1)
     assert (found.samples, found.buffers) == (256, 8)
+    inside_the_disk = {name: (stored.coverage[..., None] * e.reference).sum() for name, e in found.errors.items()}
+    whole = sum(inside_the_disk.values())
+    for name, light in inside_the_disk.items():
+        assert found.errors[name].light == pytest.approx(light / whole, rel=1e-5)
     for name, error in found.errors.items():
         assert np.abs(error.reference - stored.layers[name]).max() > 0  # not the bake's samples
         inside = stored.coverage > 0.5

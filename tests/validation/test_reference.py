@@ -151,3 +151,5 @@ def test_many_passes_are_one_buffer():
     reference = renderer.render(view_frame((0, 0, 1)), samples=128)
     assert reference.samples == 128
     np.testing.assert_allclose(reference.mean[8, 8], 3.0, rtol=1e-6)
+    assert reference.coverage[8, 8] == 1
+    np.testing.assert_allclose(reference.coverage, texel_coverage(16), atol=0.1)

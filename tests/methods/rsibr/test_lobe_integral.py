@@ -10,10 +10,23 @@ from rsibr.light.radiance import Light
 from rsibr.lobes.basis import LAMBERT
 from rsibr.lobes.fit import ProxyLobe
 from rsibr.lobes.gaussians import LobeShape
+from rsibr.methods.rsibr.anisotropic_footprint import ShadingFrame
 from rsibr.methods.rsibr.lobe_integral import LobeIntegral
 from tests.arrays import to_numpy, unit_vectors, vector
 from tests.light.test_environment_pyramid import picture
-from tests.microfacet import by_quadrature, coated_ggx, ggx, metal, pairs, schlick, soft_sky
+from tests.microfacet import (
+    IOR,
+    by_quadrature,
+    coated_ggx,
+    ggx,
+    into_coat,
+    metal,
+    pairs,
+    schlick,
+    soft_sky,
+    unit,
+    viewer,
+)
 
 PLAIN = np.ones((1, 3))
 COATED = np.array([[0.0] * 3, [0.0] * 3, [1.0] * 3])
@@ -112,6 +125,31 @@ def test_flakes_under_a_coat_are_those_of_brute_force(light, flakes):
     mean, largest = error(at_points(KERNELS["coated"], light, n, v), exact)
     assert mean < 0.015
     assert largest < 0.06
+
+
+@pytest.mark.parametrize("under_coat", [False, True])
+def test_a_facet_spans_the_solid_angle_of_the_directions_that_it_reflects(even, under_coat):
+    """dω_i/dω_h by finite differences, in float64: the facet turned a little both ways, the two reflections crossed."""
+    v = viewer(0.8)
+    facets = unit(np.array([[0.05, 0.0, 1.0], [0.2, 0.1, 1.0], [-0.1, 0.2, 1.0], [0.3, -0.1, 1.0]]))
+
+    def reflected(h):
+        inner = into_coat(v) if under_coat else v
+        w = 2 * (h @ inner)[:, None] * h - inner
+        lateral = w[:, :2] * (IOR if under_coat else 1)
+        return np.concatenate([lateral, np.sqrt(1 - (lateral**2).sum(axis=1, keepdims=True))], axis=1)
+
+    tangents = unit(np.cross(facets, [0.0, 1.0, 0.0]))
+    turns = [reflected(unit(facets + 1e-5 * t)) for t in (tangents, np.cross(facets, tangents))]
+    spanned = np.linalg.norm(np.cross(*[turn - reflected(facets) for turn in turns]), axis=1) / 1e-10
+
+    integral = LobeIntegral.of(KERNELS["coated" if under_coat else "metal"], *even)
+    count = len(facets)
+    shading = ShadingFrame.of(vector(np.tile([0.0, 0.0, 1.0], (count, 1))), vector(np.tile(v, (count, 1))))
+    w, *_, stretch = (integral._coated if under_coat else integral._bare)(shading, vector(facets))
+    local = reflected(facets)
+    assert pytest.approx(local, abs=1e-5) == to_numpy(w).T
+    assert np.array(stretch) == pytest.approx(spanned, rel=1e-3)
 
 
 def test_a_coat_makes_a_difference(light, flakes):

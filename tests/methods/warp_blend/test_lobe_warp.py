@@ -1,5 +1,7 @@
 """The method `rsibr` where the truth is known in closed form."""
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 
@@ -13,9 +15,17 @@ from rsibr.lobes.albedo import node_cosines
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import reconstruct
 from rsibr.methods.warp_blend.blend import triangle_mix
-from rsibr.methods.warp_blend.footprint_covariance import MirrorFootprint
-from rsibr.methods.warp_blend.lobe_warp import Corrections, LobeGroup, LobeMaps, LobeWarpMethod, LobeWarps
+from rsibr.methods.warp_blend.footprint_covariance import HALF_VECTOR_VARIANCE, MirrorFootprint
+from rsibr.methods.warp_blend.lobe_warp import (
+    Corrections,
+    LobeGroup,
+    LobeMaps,
+    LobeWarpMethod,
+    LobeWarps,
+    _footprint_corrected,
+)
 from rsibr.methods.warp_blend.source_maps import SourceMaps
+from rsibr.methods.warp_blend.warp import MirrorWarp
 from tests.arrays import to_numpy, unit_vectors, vector
 from tests.methods.scene import image, inside, method, mirror_sphere, normals, sky
 
@@ -120,6 +130,57 @@ def test_footprints_differ_as_their_covariances_do(rng):
         to_numpy(value)[:, None, None] * (to_numpy(e).T[:, :, None] * to_numpy(e).T[:, None, :]) for e, value in axes
     )
     assert np.abs(got - wanted).max() < 5e-5
+
+
+def test_a_footprint_is_changed_by_half_its_covariance_times_the_curvature(rng):
+    """½ 4σ² ΔM : ∇∇L of L = 2 + (r·u)², whose Hessian on the sphere is 2 (uₜuₜᵀ − (r·u)² 1), in float64."""
+    u, alpha, size = np.array([0.36, 0.48, 0.8]), 0.1, 256
+    view, index = view_frame([0.2, 0.5, 0.8]), 5
+
+    def reflections(frame, resolution):
+        n = normals(frame, resolution)
+        return 2 * (n @ frame[:, 2])[..., None] * n - frame[:, 2]
+
+    made = lobed(
+        [
+            (
+                lambda f, k: np.repeat(2 + (reflections(f, k) @ u)[..., None] ** 2, 3, axis=-1).astype(np.float32),
+                alpha,
+                np.ones_like,
+            )
+        ],
+        size,
+    )
+    lobe, stored_v = made.groups[0].lobes[0], view.T @ made.viewpoints.directions[index]
+    # Normals in the new view's frame at which both views see the surface well
+    n = unit_vectors(rng, 4000)
+    r = 2 * n[:, 2:] * n - [0, 0, 1]
+    stored_cosine = np.sqrt((1 + r @ stored_v) / 2)
+    n, r, stored_cosine = (values[(n[:, 2] > 0.5) & (stored_cosine > 0.5)] for values in (n, r, stored_cosine))
+    assert len(n) > 200
+
+    def footprint(v, cosine):
+        a = v - (r @ v)[:, None] * r
+        a /= np.linalg.norm(a, axis=1, keepdims=True)
+        b = np.cross(r, a)
+        return a[:, :, None] * a[:, None, :] + (cosine**2)[:, None, None] * b[:, :, None] * b[:, None, :]
+
+    change = footprint(np.array([0.0, 0.0, 1.0]), n[:, 2]) - footprint(stored_v, stored_cosine)
+    local = view.T @ u
+    flat = local - (r @ local)[:, None] * r
+    hessian = 2 * (flat[:, :, None] * flat[:, None, :] - ((r @ local) ** 2)[:, None, None] * np.eye(3))
+    wanted = 0.5 * 4 * HALF_VECTOR_VARIANCE * alpha**2 * np.einsum("kij,kij->k", change, hessian)
+
+    stored = lobe.sources.view(mi.UInt32(index))
+    mirror = MirrorWarp.between(stored, mi.Matrix3f(view.astype(np.float32)))
+    device = vector(n)
+    p, _ = mirror(device)
+    seen = lobe.sources.fetch(stored.index, p)
+    cosine = dr.sqrt(1 - dr.squared_norm(p))
+    corrected = _footprint_corrected(lobe, stored.index, mirror, MirrorFootprint.at(device), cosine, seen)
+    got = to_numpy(corrected - seen)[0]
+    assert (got @ wanted) / (wanted @ wanted) == pytest.approx(1, abs=0.05)
+    assert np.abs(got - wanted).max() < 0.1 * np.abs(wanted).max()
 
 
 def test_finite_everywhere_near_stored_views_and_antipodes():

@@ -9,9 +9,10 @@ from rsibr.geometry.frame import view_frame
 from rsibr.geometry.spherical import area_weights, gnomonic_weights
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.methods.warp_blend.blend import nearest_mix, triangle_mix
+from rsibr.methods.warp_blend.disk_mesh import DiskMesh
 from rsibr.methods.warp_blend.warp import MirrorWarp, NormalWarp, NoWarp
 from rsibr.methods.warp_blend.warp_blend import MeshWarpBlend
-from tests.arrays import unit_vectors, vector
+from tests.arrays import to_numpy, unit_vectors, vector
 from tests.methods.scene import image, inside, matte_sphere, method, mirror_sphere, normals, stored
 
 N = 64
@@ -152,9 +153,19 @@ def test_nothing_is_compiled_from_view_to_view_or_from_bake_to_bake():
     assert all(kernel["cache_hit"] for kernel in launched)
 
 
-def test_mesh_converges_to_the_exact_warp():
-    from rsibr.methods.warp_blend.disk_mesh import DiskMesh
+def test_a_point_of_the_mesh_lies_in_its_triangle(rng):
+    """Non-negative weights that lead back to the point, up to the chords of the outermost ring."""
+    radius, turn = np.cos(np.pi / 48) * np.sqrt(rng.random(5000)), rng.uniform(-np.pi, np.pi, 5000)
+    p = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1)
+    mesh = DiskMesh()
+    index, share = mesh.corners(mi.Point2f(*p.T.astype(np.float32)))
+    corners = np.stack([to_numpy(mesh.vertex(corner)).T for corner in index])
+    share = to_numpy(share)
+    assert share.min() > -1e-4
+    assert np.abs((share[..., None] * corners).sum(axis=0) - p).max() < 1e-6
 
+
+def test_mesh_converges_to_the_exact_warp():
     views, sources = stored(mirror_sphere, N)
     frame, errors = view_frame([0.2, 0.9, -0.4]), []
     exact = image(method(), frame, N)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
 from rsibr.baking.baker import bake
 from rsibr.errors import BakeError, CheckFailed
@@ -19,7 +20,7 @@ from rsibr.store.bake import Bake, BakeWriter, open_bake
 from rsibr.store.manifest import Manifest
 from rsibr.store.map_file import MapFile
 from rsibr.validation.health.check import check
-from rsibr.validation.health.energy import Drift, MapMeans, drifting_views, zonal_moments
+from rsibr.validation.health.energy import Drift, MapMeans, _left_out, drifting_views, mean_of_map, zonal_moments
 from rsibr.validation.health.health import KINDS, MARKS, Health
 from rsibr.validation.health.health_document import HealthModel
 from rsibr.validation.report.document import MetricsDocument
@@ -170,6 +171,37 @@ def test_the_zonal_moments_are_those_of_the_closed_form(tmp_path, gradient_axis)
     moments = zonal_moments(emitter, directions, 2)
     exact = np.stack([np.full(12, 4 * np.pi), 4 * np.pi / 3 * directions @ gradient_axis, np.zeros(12)], axis=1)
     assert np.abs(moments - exact[..., None]).max() < 3e-3 * 4 * np.pi
+
+
+def test_the_mean_of_a_map_goes_with_the_area_in_the_disk():
+    """A whole and two quarter texels: (L₁ + L₂/4 + L₃/4)/1.5, and the error of that sum of independent texels."""
+    radiance = np.array([[1.0, 2, 3], [5, 6, 7], [9, 10, 11]])
+    variance = np.array([[0.04, 0.04, 0.04], [0.16, 0.16, 0.16], [0.0, 0.48, 0.0]])
+    mean, error = mean_of_map(radiance, variance, np.array([1.0, 0.25, 0.25]))
+    assert mean == pytest.approx([(1 + 14 / 4) / 1.5, (2 + 16 / 4) / 1.5, (3 + 18 / 4) / 1.5])
+    assert error == pytest.approx(np.sqrt([0.05, 0.08, 0.05]) / 1.5)
+
+
+def test_a_drift_is_told_against_the_fit_to_the_other_views(rng, monkeypatch):
+    """Means of an exact kernel, one of them off: the prediction is the kernel's, which that view has no part in."""
+    directions = icosphere(0).directions
+    moments = np.repeat(np.concatenate([np.ones((12, 1)), directions], axis=1)[..., None], 3, axis=2)
+    monkeypatch.setattr("rsibr.validation.health.energy.zonal_moments", lambda *_: moments)
+    kernel = 4 + directions @ np.array([0.5, 1.0, 0.25])
+    means = np.repeat(kernel[:, None], 3, axis=1) * (1 + 1e-4 * rng.standard_normal((12, 3)))
+    means[SICK] *= 1.33
+    found = drifting_views(MapMeans(means, np.zeros((12, 3))), directions, {})
+    assert {drift.view for drift in found} == {SICK}
+    assert [drift.ratio for drift in found] == pytest.approx([1.33] * 3, rel=2e-3)
+
+
+def test_p_values_are_uniform_without_a_drift(rng):
+    """Studentised with the view left out, exactly Student's t: Kolmogorov–Smirnov, false-alarm rate 1e-4 each view."""
+    directions = icosphere(0).directions
+    fitted = np.stack([np.ones(12), *directions.T], axis=1) * [4.0, 1.0, 1.0, 2.0]
+    kernels = rng.normal(size=(1500, 4)) @ fitted.T
+    found = np.array([_left_out(fitted, means)[1] for means in kernels + 0.3 * rng.standard_normal(kernels.shape)])
+    assert min(kstest(p_values, "uniform").pvalue for p_values in found.T) > 1e-4 / 12
 
 
 def test_false_alarms_of_the_drift_are_as_rare_as_stated(rng, monkeypatch):
