@@ -59,8 +59,8 @@ class _Server:
             pipe.close()  # not buffered: there is nothing to flush
 
     def forget(self) -> None:
-        """Leave the process to the parent from which this one was forked."""
-        self.__init__()  # type: ignore[misc]
+        """Leave the process to the parent from which this one was forked, with a lock that no thread holds."""
+        self._lock, self._process = threading.Lock(), None
 
     def _running(self) -> bool:
         return self._process is not None and self._process.poll() is None

@@ -324,7 +324,9 @@ def test_threads_and_forks_read_at_once(tmp_path, rng):
 def test_a_fork_leaves_the_process_to_its_parent(tmp_path, image):
     code = (
         "import os, sys; from pathlib import Path; from rsibr.scene.latlong import read_latlong\n"
+        "from rsibr.scene.panorama.exr import _server\n"
         "path = Path(sys.argv[1]); whole = read_latlong(path).image.sum(); child = os.fork()\n"
+        "assert (_server._process is None) == (child == 0)\n"
         "same = [read_latlong(path).image.sum() == whole for _ in range(20)]\n"
         "sys.stdout.write(str(all(same))); sys.stdout.flush()\n"
         "os.waitpid(child, 0) if child else os._exit(0)\n"
