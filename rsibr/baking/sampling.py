@@ -21,7 +21,7 @@ from rsibr.errors import InputError
 from rsibr.scene.config import SamplingConfig
 from rsibr.store.manifest import SamplingRecord
 
-NOISE_MARGIN = 1.05
+NOISE_MARGIN = 1.1
 """Least safety factor on the measured noise of a block; see `_margin`."""
 
 CONFIDENCE = 2.0

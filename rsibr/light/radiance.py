@@ -196,7 +196,7 @@ def _picture(scene: mi.Scene, draws: EmitterDraws, width: int, resolution: int) 
     finer = math.ceil(_POINTS * width / (math.sqrt(math.pi) * resolution))  # a texel's angle over 2π/width
     points = min(max(_POINTS, finer), _MOST_POINTS)
     environment = scene.environment()  # None if a delta light is all there is
-    dense = 0.0 if environment is None else _source_density(points * resolution)
+    dense = 0.0 if environment is None else _source_density(max(points * resolution, _POINTS * RESOLUTION))
     has_small = draws.has_sources_denser_than(dense)
     small = draws.mean_radiance(resolution, dense) if has_small else np.zeros((resolution, resolution, 3))
     if environment is None:

@@ -126,7 +126,7 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
         resolution=resolution,
         seconds=None,
         bytes=None,
-        probe_seconds=probes.seconds + time.perf_counter() - start,
+        probe_seconds=max(probes.seconds + time.perf_counter() - start, 0.0),  # a clock may jump back
         costs_from=NOT_MEASURED,
     )
 

@@ -68,7 +68,7 @@ def test_a_mistyped_command_line(shell, arguments, says, output):
         ('emitter = {type = "constant", radiance = 0.5}', 'emitter = {type = "constnt"}', "constnt"),
         ('emitter = {type = "constant", radiance = 0.5}', 'emitter = {type = "point"}', "no emitter at infinity"),
         ('emitter = {type = "constant", radiance = 0.5}', 'file = "gone.exr"', "gone.exr"),
-        ('emitter = {type = "constant", radiance = 0.5}', 'file = "."', "cannot be read"),
+        ('emitter = {type = "constant", radiance = 0.5}', 'file = "."', "is a folder"),
         ('emitter = {type = "constant", radiance = 0.5}', 'file = "a\\u0000b"', "environment.file"),
         ("[map]", '[views]\nfile = "gone.json"\n[map]', "gone.json"),
         ("[map]", "[map", "not valid TOML"),
