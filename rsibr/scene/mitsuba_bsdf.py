@@ -156,7 +156,7 @@ def _replace_plugins(state: mi.parser.ParserState) -> None:
         elif name in _PLASTICS and all(_is_black(node.props, key) for key in _PLASTIC_COLOURS):
             # Mitsuba chooses a component by 0/0. Other parameters are dropped with the plugin that reads them
             for key in list(node.props.keys()):
-                node.props.remove_property(key)
+                del node.props[key]
             node.props.set_plugin_name("diffuse")
             node.props["reflectance"] = mi.ScalarColor3d(0)
 
