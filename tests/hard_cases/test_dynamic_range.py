@@ -166,7 +166,8 @@ def test_hc27_a_black_environment_gives_black_maps_and_finite_metrics(tmp_path):
     path = write_exr(tmp_path / "black.exr", np.zeros((4, 8, 3)))
     for preset in ("matte-lambert", "glossy-plastic"):
         config = parse_config(
-            small_config(path, material={"preset": preset}, effects={"view_dependence": "on"}), tmp_path
+            small_config(path, material={"preset": preset}, effects={"view_dependence": "on", "light_sampling": "on"}),
+            tmp_path,
         )
         baked = bake(config, out=tmp_path / f"{preset}.rsibr")
         for index in (0, 11):
