@@ -33,6 +33,9 @@ LARGEST_ERROR = 0.04
 MOST = 0.25
 """Maximum share of the texels that is measured, in maps with more than a few."""
 
+FEW_TEXELS = 4096
+"""Texels of all views together up to which all may be measured: a small sun in one mirror map lights few of them."""
+
 _BRANCH = 0x7465_7870
 """Branch of a view's seeds (the letters "texp")."""
 
@@ -84,7 +87,8 @@ class TexelPilot:
     def __post_init__(self) -> None:
         coverage = self.integrator.coverage
         self._judged = np.flatnonzero(coverage[coverage > 0] >= COVERED)
-        self._most = min(len(self._judged), max(LEAST_A_VIEW, math.ceil(MOST * len(self._judged))))
+        most = max(LEAST_A_VIEW, math.ceil(MOST * len(self._judged)), FEW_TEXELS // len(self.frames))
+        self._most = min(len(self._judged), most)
         self._count = min(self._most, max(LEAST_A_VIEW, -(-LEAST_TEXELS // len(self.frames))))
 
     def look(self, size: int) -> TexelNoise:

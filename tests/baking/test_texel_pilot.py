@@ -41,6 +41,7 @@ def test_it_foretells_the_noise_of_the_maps():
 def test_it_looks_at_judged_texels_each_at_most_once_and_more_where_it_must(monkeypatch):
     monkeypatch.setattr(texel_pilot, "LEAST_TEXELS", 400)
     monkeypatch.setattr(texel_pilot, "LARGEST_ERROR", 1e-9)
+    monkeypatch.setattr(texel_pilot, "FEW_TEXELS", 0)
     made = integrator()
     covered = made.coverage[made.coverage > 0]
     found = TexelPilot(made, FRAMES, seed=3).look(4)

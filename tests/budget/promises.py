@@ -30,7 +30,7 @@ from rsibr.validation.reference import ReferenceRenderer
 RESOLUTION = 64
 MAPS = ("city", "courtyard", "studio", "sunset")
 REFERENCE_SAMPLES = 1024
-NOISE_SAMPLES = 512
+NOISE_SAMPLES = 1024
 """Samples of the truth of stored maps: its noise is taken out, and all texels of twelve views are compared."""
 
 
