@@ -70,3 +70,11 @@ def _check(mode: int, path: Path) -> None:
     if kind is not None:
         number = errno.EISDIR if stat.S_ISDIR(mode) else errno.EINVAL
         raise NotRegularError(number, f"it is {kind}, not a file", str(path))
+
+
+def is_file(path: Path) -> bool:
+    """Whether a path names a file; a name that the system cannot hold, such as one too long, names none."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False

@@ -11,6 +11,7 @@ import mitsuba as mi
 
 from rsibr import backend
 from rsibr.errors import InputError
+from rsibr.regular_file import is_file
 from rsibr.resources import scenes
 from rsibr.scene.config import MaterialConfig
 from rsibr.scene.delta_direction import require_plain_mirror
@@ -118,7 +119,7 @@ def _source_of(config: MaterialConfig) -> tuple[str, BsdfSource, str]:
         require_files(config.bsdf, "material.bsdf")
         return str(config.bsdf["type"]), config.bsdf, "material.bsdf"
     path = Path(config.file or "")
-    if not path.is_file():
+    if not is_file(path):
         raise InputError("there is no such material file", where=str(path), fix="check the path")
     return path.stem, path, str(path)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rsibr.errors import InputError
+from rsibr.regular_file import is_file
 
 _REWRITES = (
     (  # an included file, which may be any file of the machine: named, not quoted
@@ -93,7 +94,7 @@ def named_types(plugin: Mapping[str, Any]) -> set[str]:
 def require_files(plugin: Mapping[str, Any], where: str) -> None:
     """Raise an `InputError` that names the first missing file of a plugin."""
     for file in named_files(plugin):
-        if not file.is_file():
+        if not is_file(file):
             raise InputError(f"there is no file {file}", where=where, fix="check the path under filename")
 
 

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 from rsibr.errors import InputError
+from rsibr.regular_file import is_file
 
 _LARGEST = 2**24
 """Bytes of the largest spectrum file that is read: a million lines."""
@@ -53,7 +54,7 @@ def read_spectrum(file: Path, where: str) -> list[tuple[float, float]]:
 
 
 def _lines(file: Path, where: str) -> list[str]:
-    if not file.is_file():
+    if not is_file(file):
         raise InputError(f"there is no file {file}", where=where, fix="check the path under filename")
     try:
         if file.stat().st_size > _LARGEST:

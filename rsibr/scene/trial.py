@@ -19,6 +19,7 @@ import warnings
 from pathlib import Path
 
 from rsibr.errors import InputError
+from rsibr.regular_file import is_file
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.interpreter import OVERRIDE, interpreters, search_path
 from rsibr.scene.plugin import named_files, named_types
@@ -150,7 +151,7 @@ def _xml(config: EnvironmentConfig | MaterialConfig) -> XmlFiles:
 
 
 def _content(file: Path) -> bytes:
-    return hashlib.sha256(file.read_bytes()).digest() if file.is_file() else b""
+    return hashlib.sha256(file.read_bytes()).digest() if is_file(file) else b""
 
 
 def _signal_name(number: int) -> str:
