@@ -10,6 +10,7 @@ import numpy as np
 from rsibr import backend
 from rsibr.errors import RsibrError
 from rsibr.geometry.viewpoints import witness
+from rsibr.regular_file import is_file
 from rsibr.scene.config import Config, ViewsConfig
 from rsibr.scene.environment import environment_digest
 from rsibr.scene.material import material_digest
@@ -66,7 +67,7 @@ def finished_bake(config: Config, out: Path | str, digests: dict[str, str] | Non
         of the packages, the code of rsibr, or the device differ; or if its maps may be unusable as a whole
         (`rsibr.store.soundness`). `rsibr.baking.baker.bake` then reports the cause.
     """
-    if not (Path(out) / MANIFEST_NAME).is_file():
+    if not is_file(Path(out) / MANIFEST_NAME):
         return None
     try:
         found = open_bake(Path(out))
@@ -98,7 +99,7 @@ def _is_of(manifest: Manifest, config: Config, digests: dict[str, str] | None) -
 
 def is_outdated(config: Config, out: Path | str) -> bool:
     """Whether `out` holds a bake of this config that other code or other versions of the packages made."""
-    if not (Path(out) / MANIFEST_NAME).is_file():
+    if not is_file(Path(out) / MANIFEST_NAME):
         return False
     try:
         manifest = read_manifest(Path(out) / MANIFEST_NAME)

@@ -18,7 +18,7 @@ from rsibr.errors import BakeError
 from rsibr.job_size import JobSize
 from rsibr.planning.plan import Plan
 from rsibr.progress import Progress
-from rsibr.scene.config import Config, ConfigLike, config_of
+from rsibr.scene.config import Config, ConfigLike, config_of, parse_config
 from rsibr.store.bake import Bake, BakeWriter, open_bake
 from rsibr.store.difference import changes
 from rsibr.store.directory import claim_directory
@@ -132,7 +132,7 @@ def _recorded(path: Path, config: Config) -> tuple[Config, BudgetRecord] | None:
     if changed := changes(_without_content(found.asked), _without_content(wanted)):
         raise BakeError(f"holds a bake of another config ({'; '.join(changed)})", where=str(path), fix=_ANEW)
     contents = {name: wanted[name] for name in _BY_CONTENT if name in wanted}
-    resolved = Config.model_validate({**found.resolved, **contents})
+    resolved = parse_config({**found.resolved, **contents}, path, where=str(path / MANIFEST_NAME))
     if config.views.file is not None:
         resolved = resolved.model_copy(update={"views": config.views})
     return resolved, found.model_copy(update={"asked": wanted})

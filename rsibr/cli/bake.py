@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.options import Config, Imports, Json, Yes, imported
+from rsibr.cli.options import Config, Imports, Json, Yes, check_output_folder, imported
 from rsibr.errors import printable
 
 
@@ -43,6 +43,8 @@ def bake(
     settings = load_config(config, overrides).with_plugins(imported(imports))
     path = out or Path(f"{config.stem}.rsibr")
     known = None if fresh else finished_bake(settings, path)
+    if known is None:
+        check_output_folder(path)
     with bake_progress() as show:
         finished = known or run_bake(
             settings, out=path, fresh=fresh, on_progress=show, on_forecast=note_job, allow_large=allow_large

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.options import Imports, Json, Yes, imported
+from rsibr.cli.options import Imports, Json, Yes, check_output_folder, imported
 from rsibr.cli.validate import print_validation
 from rsibr.errors import printable
 
@@ -32,6 +32,7 @@ def demo(
     from rsibr.scene.config import load_config
     from rsibr.validation.validation import validate
 
+    check_output_folder(out)
     settings = load_config(configs() / "demo.toml").with_plugins(imported(imports))
     with clock.counting(), bake_progress() as show:
         scene = Scene.prepare(settings)

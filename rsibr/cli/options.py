@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from rsibr import machine
 from rsibr.errors import InputError
 
 _LONGEST_SHOWN = 100
@@ -81,7 +82,7 @@ def check_output_folder(folder: Path) -> None:
     """
     fix = "choose another --out"
     try:
-        nearest = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+        nearest = machine.existing_folder(folder)
     except OSError as error:
         raise InputError(f"{folder} cannot be used ({error.strerror})", where="--out", fix=fix) from error
     if not nearest.is_dir():

@@ -53,7 +53,10 @@ class XmlFiles:
             If a file does not exist, is no regular file, is not well-formed XML, or is no spectrum where one is named.
         """
         files = cls([xml.resolve().parent])
-        files._read(xml, where, 0)
+        try:
+            files._read(xml, where, 0)
+        except OSError as error:  # a name that the system cannot hold
+            raise InputError(f"names a file that cannot be looked for: {error.strerror}", where=where) from None
         for spectrum in files.spectra:
             read_spectrum(spectrum, where)
         return files

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
+from rsibr import machine
 from rsibr.errors import InputError, MachineError
 from rsibr.geometry.viewpoints import VIEW_COUNTS
 from rsibr.methods.warp_blend.source_maps import fits_device_array
@@ -71,7 +71,7 @@ def check_sizes(study: StudyConfig, agenda: Agenda, resolution: int, folder: Pat
     MachineError
         If a bake, or the references, cannot be held.
     """
-    memory, disk = _memory(), shutil.disk_usage(folder).free
+    memory, disk = machine.memory().total, machine.free_disk(folder)
     for size in agenda:
         views = _views(study, size)
         named = f"{views} maps of {size.resolution}²"
@@ -102,11 +102,3 @@ def _views(study: StudyConfig, size: BakeSize) -> int:
 
 def _map_bytes(views: int, size: BakeSize) -> float:
     return float(views * size.resolution**2 * _CHANNELS * _BYTES)
-
-
-def _memory() -> float:
-    """Memory of the machine [bytes]; infinite where the system does not tell."""
-    try:
-        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (AttributeError, ValueError, OSError):
-        return float("inf")

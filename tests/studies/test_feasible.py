@@ -46,7 +46,7 @@ def test_a_folder_in_the_place_of_the_page_is_refused_at_once(tmp_path):
 
 def test_the_disk_must_hold_all_bakes(tmp_path, monkeypatch):
     full = type("Usage", (), {"free": 1000})
-    monkeypatch.setattr("rsibr.studies.feasible.shutil.disk_usage", lambda _: full)
+    monkeypatch.setattr("rsibr.machine.shutil.disk_usage", lambda _: full)
     with pytest.raises(MachineError, match="the bakes take at least"):
         study({"base": BASE, "sweep": [{"samples": [4]}]}, out=tmp_path)
 

@@ -20,12 +20,12 @@ from rsibr.light.radiance import Light
 from rsibr.lobes.basis import LAMBERT, coated_ggx, ggx, lambert
 from rsibr.lobes.proxy_ratio import NODES, glossy_place, matte_place
 from rsibr.methods.rsibr.anisotropic_footprint import ShadingFrame
+from rsibr.methods.rsibr.texel_mean import texel_mean
 from rsibr.store.manifest import LobeRecord
 
 _DENSITY = 4.0  # sample points of a texel over its width in widths of the highlight there
 _FEWEST, _MOST = 2, 64  # sample points a side of a texel
 _FLATTEST = 0.1  # cosine below which the number of points does not grow further
-_FAINT = 1e-6  # weight of the fallback sample
 _COLOURS = 3  # coefficients of a term: plain, grazing, coated
 _WIDEST = 1.0  # width of a reflection without a highlight
 
@@ -193,27 +193,9 @@ class DeltaLightLobes:
         """
         v = mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2])
         side = self._points(frame @ n, v, n.z, spacing)
-        corner = mi.Point2f(dr.floor((n.x + 1) / spacing), dr.floor((n.y + 1) / spacing)) * spacing - 1
-
-        # ---- One sample: weight 1 inside the disk, 0 outside ----
-        def add(k: mi.UInt32, total: mi.Color3f, weight: mi.Float) -> tuple[mi.UInt32, mi.Color3f, mi.Float]:
-            x = dr.fma((mi.Float(k % side) + 0.5) / mi.Float(side), spacing, corner.x)
-            y = dr.fma((mi.Float(k // side) + 0.5) / mi.Float(side), spacing, corner.y)
-            height = 1 - (x * x + y * y)
-            share = dr.select(height > 0, 1.0, 0.0)
-            light = self.radiance(frame @ mi.Vector3f(x, y, dr.sqrt(dr.maximum(height, 0))), v)
-            return k + 1, total + share * light, weight + share
-
-        # ---- Mean; `n` itself is the fallback where no sample lies inside the disk ----
-        middle = self.radiance(frame @ n, v)
-        _, total, weight = dr.while_loop(
-            state=(mi.UInt32(0), _FAINT * middle, mi.Float(_FAINT) + 0 * n.z),
-            cond=lambda k, _total, _weight: k < side * side,
-            body=add,
-            labels=("k", "total", "weight"),
-            label="delta_lights_over_texel",
+        return texel_mean(
+            n, spacing, (side, side), lambda normal: self.radiance(frame @ normal, v), "delta_lights_over_texel"
         )
-        return total / weight
 
     def _points(self, n: mi.Vector3f, v: mi.Vector3f, cosine: mi.Float, spacing: mi.Float) -> mi.UInt32:
         """Sample points a side of a texel: in proportion to its normals' spread over the width of the highlight.

@@ -12,6 +12,7 @@ import mitsuba as mi
 from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.latlong_texture import LatLongTexture
 from rsibr.light.radiance import Light
+from rsibr.methods.rsibr.texel_mean import texel_mean
 
 EXACT = 3.0
 """Sample points per environment texel and side, head-on, where no residual corrects the result."""
@@ -22,7 +23,6 @@ ROUGH = 1.0
 _MOST = 64  # sample points a side of a map texel, maximum
 _FEWEST = 2
 _FLATTEST = 0.35  # cosine below which the number of points does not grow further
-_FAINT = 1e-6  # weight of the fallback sample
 
 
 @dataclass(eq=False)
@@ -87,33 +87,12 @@ class DeltaLobe:
         mi.Color3f
             [W sr⁻¹ m⁻²].
         """
-        # ---- Grid of sample points, and the texel's corner ----
-        across, down = self._points(n, spacing)
-        corner = mi.Point2f(dr.floor((n.x + 1) / spacing), dr.floor((n.y + 1) / spacing)) * spacing - 1
 
-        # ---- One sample: weight 1 inside the disk, 0 outside ----
         def seen(normal: mi.Vector3f) -> mi.Color3f:
             toward = 2 * normal.z * normal - mi.Vector3f(0, 0, 1)
             return albedo(normal.z) * self.fetch(frame @ toward)
 
-        def add(k: mi.UInt32, total: mi.Color3f, weight: mi.Float) -> tuple[mi.UInt32, mi.Color3f, mi.Float]:
-            x = dr.fma((mi.Float(k % across) + 0.5) / mi.Float(across), spacing, corner.x)
-            y = dr.fma((mi.Float(k // across) + 0.5) / mi.Float(down), spacing, corner.y)
-            height = 1 - (x * x + y * y)
-            share = dr.select(height > 0, 1.0, 0.0)
-            light = seen(mi.Vector3f(x, y, dr.sqrt(dr.maximum(height, 0))))
-            return k + 1, total + share * light, weight + share
-
-        # ---- Mean; `n` itself is the fallback where no sample lies inside the disk ----
-        middle = seen(n)
-        _, total, weight = dr.while_loop(
-            state=(mi.UInt32(0), _FAINT * middle, mi.Float(_FAINT)),
-            cond=lambda k, _total, _weight: k < across * down,
-            body=add,
-            labels=("k", "total", "weight"),
-            label="mirror_over_texel",
-        )
-        return total / weight
+        return texel_mean(n, spacing, self._points(n, spacing), seen, "mirror_over_texel")
 
     def _points(self, n: mi.Vector3f, spacing: mi.Float) -> tuple[mi.UInt32, mi.UInt32]:
         """Number of sample points of a texel along its width and height, in proportion to the angle it reflects.

@@ -79,18 +79,6 @@ class CarPaint:
         self._recipe = replace(self._recipe, **given)
         self._prepare(self._recipe)
 
-    def eval(
-        self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
-    ) -> mi.Spectrum:
-        """Value of f·cos θ_o."""
-        return self.eval_pdf(ctx, si, wo, active)[0]
-
-    def pdf(
-        self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
-    ) -> mi.Float:
-        """Density [1/sr] with which `sample` draws `wo`."""
-        return self.eval_pdf(ctx, si, wo, active)[1]
-
     def eval_pdf(
         self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: mi.Bool = True
     ) -> tuple[mi.Spectrum, mi.Float]:

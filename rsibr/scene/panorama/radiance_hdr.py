@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rsibr.errors import InputError
 from rsibr.scene.panorama.picture import Picture
 from rsibr.scene.panorama.radiance_header import RadianceHeader, parse_header
-from rsibr.scene.panorama.source import open_regular
+from rsibr.scene.panorama.source import opened
 
 _LONGEST = 0x7FFF
 """Texels at most in a scan line of which each component has its own run lengths."""
@@ -39,7 +39,7 @@ def read_radiance(path: Path, most_texels: int) -> Picture:
         If the file is truncated, damaged or not RGBE, or its header is not readable.
     """
     where = str(path)
-    with open_regular(path) as stream:
+    with opened(path) as stream:
         try:
             data = stream.read()
         except OSError as error:

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import stat
 from pathlib import Path
 from typing import BinaryIO
 
 from rsibr.errors import InputError
+from rsibr.regular_file import NotRegularError, open_regular
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 RADIANCE_MAGIC = b"#?"
 
 _CONVERT = "convert it to OpenEXR or Radiance HDR"
 _HEAD = 4096
-
-_KINDS = (
-    (stat.S_ISDIR, "a folder"),
-    (stat.S_ISFIFO, "a pipe"),
-    (stat.S_ISSOCK, "a socket"),
-    (stat.S_ISCHR, "a device"),
-    (stat.S_ISBLK, "a device"),
-)
 
 _FORMATS = (
     (b"\x89PNG", "a PNG"),
@@ -54,37 +45,31 @@ _FORMATS = (
 )
 
 
-def open_regular(path: Path) -> BinaryIO:
-    """Open a regular file for reading.
+def opened(path: Path) -> BinaryIO:
+    """Open an environment file for reading.
 
     Parameters
     ----------
     path : Path
         The file; symbolic links are followed.
 
-    Returns
-    -------
-    BinaryIO
-
     Raises
     ------
     InputError
-        If there is none, it cannot be read, or it is a folder, a pipe, a socket or a device: opening these may wait for
-        ever, or act.
+        If there is none, it cannot be read, or it is no regular file; see `rsibr.regular_file.open_regular`.
     """
     where = str(path)
     try:
-        _require_regular(path.stat().st_mode, where)
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        stream = os.fdopen(descriptor, "rb")
-        _require_regular(os.fstat(descriptor).st_mode, where)  # which may have taken its place
+        return open_regular(path)
+    except NotRegularError as error:
+        fix = "name an OpenEXR or Radiance HDR file"
+        raise InputError(error.strerror, where=where, fix=fix) from None
     except FileNotFoundError:
         raise InputError("there is no such environment map", where=where, fix="check the path") from None
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", where=where) from None
     except ValueError as error:  # a zero byte in the name
         raise InputError(f"cannot be read: {error}", where=where) from None
-    return stream
 
 
 def is_exr(path: Path) -> bool:
@@ -95,7 +80,7 @@ def is_exr(path: Path) -> bool:
     InputError
         If it is neither, or no regular file that can be read; the message names the format that it has.
     """
-    with open_regular(path) as stream:
+    with opened(path) as stream:
         try:
             head = stream.read(_HEAD) or b""
         except OSError as error:
@@ -103,12 +88,6 @@ def is_exr(path: Path) -> bool:
     if head.startswith((EXR_MAGIC, RADIANCE_MAGIC)):
         return head.startswith(EXR_MAGIC)
     raise InputError(_what_else(head), where=str(path), fix=_CONVERT if head else "get it again")
-
-
-def _require_regular(mode: int, where: str) -> None:
-    kind = next((name for test, name in _KINDS if test(mode)), "no regular file")
-    if not stat.S_ISREG(mode):
-        raise InputError(f"is {kind}, not a file", where=where, fix="name an OpenEXR or Radiance HDR file")
 
 
 def _what_else(head: bytes) -> str:
