@@ -156,7 +156,7 @@ class Sampler:
 
         With uniform allocation few blocks are enough, and their size is free; with adaptive allocation their number is.
         """
-        needed, again, least, _ = self._fewest(target)
+        needed, again, least = self._fewest(target)
         pilot = TexelPilot(self.integrator, self.frames, self.config.seed)
         record = None
         if again.scale is not None:
@@ -183,15 +183,15 @@ class Sampler:
         scale = (again.scale or 0.0) * max(1.0, factor)
         return SamplingRecord(block=again.block, even=even, scale=scale, forecast_rel_mse=noise)
 
-    def _fewest(self, target: float) -> tuple[float, SamplingRecord, int, NDArray[np.float64]]:
+    def _fewest(self, target: float) -> tuple[float, SamplingRecord, int]:
         """Choose between few large blocks (fine lattices, uniform) and many small ones (adaptive): fewer samples win.
 
         Returns
         -------
         needed : float
             Samples a texel that keep the noise below the target.
-        record, least, spread
-            Allocation, its number of blocks a texel, and the relative standard deviations of a block.
+        record, least
+            Allocation, and its number of blocks a texel.
         """
         typical = self._allocated(TYPICAL_SIZE, MAX_BLOCKS, self._spread(TYPICAL_SIZE))
         _check_within_reach(_needed(typical, target), target)
@@ -200,9 +200,8 @@ class Sampler:
         few = self.steering.few_blocks
         for least in (few,) if typical.scale is None or few == MAX_BLOCKS else (few, MAX_BLOCKS):
             size = _size_for(_needed(typical, target), least)
-            spread = self._spread(size)
-            record = self._allocated(size, least, spread)
-            ways.append((_needed(record, target), record, least, spread))
+            record = self._allocated(size, least, self._spread(size))
+            ways.append((_needed(record, target), record, least))
         return min(reversed(ways), key=lambda way: way[0])
 
     def _for_seconds(self, allowed: float, begun: float) -> SamplingRecord:

@@ -89,6 +89,12 @@ def test_a_config_that_is_none(shell, tmp_path, content):
     shell.refuses("bake", path, says=str(path))
 
 
+@pytest.mark.parametrize("command", ["bake", "demo"])
+def test_an_output_whose_name_the_system_cannot_hold(shell, tmp_path, command):
+    config = [write_config(tmp_path, CONFIG)] if command == "bake" else []
+    shell.refuses(command, *config, "--out", tmp_path / ("a" * 5000), says="File name too long")
+
+
 def test_a_config_that_is_not_there_or_a_folder(shell, tmp_path):
     shell.refuses("bake", tmp_path / "gone.toml", says="there is no such config")
     shell.refuses("bake", tmp_path, says="is a folder")

@@ -147,7 +147,11 @@ def test_another_format_is_named(tmp_path, content, says):
 def test_what_is_no_regular_file_is_never_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe.hdr")
     (tmp_path / "link.exr").symlink_to(tmp_path / "pipe.hdr")
-    for path, kind in ((tmp_path, "a folder"), (tmp_path / "pipe.hdr", "a named pipe"), (tmp_path / "link.exr", "a named pipe")):
+    for path, kind in (
+        (tmp_path, "a folder"),
+        (tmp_path / "pipe.hdr", "a named pipe"),
+        (tmp_path / "link.exr", "a named pipe"),
+    ):
         with pytest.raises(InputError, match=f"is {kind}, not a file"):
             read_latlong(path)
     with pytest.raises(InputError, match="is a device"):

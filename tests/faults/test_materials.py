@@ -290,3 +290,26 @@ def test_an_xml_that_includes_itself(tmp_path):
     file.write_text('<scene version="3.0.0"><include filename="m.xml"/></scene>')
     with pytest.raises(InputError, match="include"):
         load_material(MaterialConfig(file=file))
+
+
+LONG = "a" * 5000
+"""Longer than any file name of the system."""
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        f'<path value="{LONG}"/><bsdf type="diffuse"/>',
+        f'<bsdf type="diffuse"><spectrum name="reflectance" filename="{LONG}"/></bsdf>',
+        f'<bsdf type="measured"><string name="filename" value="{LONG}"/></bsdf>',
+    ],
+)
+def test_a_name_in_xml_that_the_system_cannot_hold_is_one_line(tmp_path, body):
+    (tmp_path / "m.xml").write_text(f'<scene version="3.0.0">{body}</scene>')
+    with pytest.raises(InputError, match="File name too long"):
+        load_material(MaterialConfig(file=tmp_path / "m.xml"))
+
+
+def test_a_name_in_a_plugin_that_the_system_cannot_hold_is_one_line():
+    with pytest.raises(InputError, match="there is no file"):
+        load_material(MaterialConfig(bsdf={"type": "measured", "filename": f"/{LONG}"}))

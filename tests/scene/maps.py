@@ -6,7 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
+import pytest
 from numpy.typing import NDArray
+
+from rsibr.errors import InputError
+from rsibr.scene.latlong import read_latlong
 
 BLOBS = {
     (1.0, 0.0, 0.0): (4.0, 0.2, 0.2),
@@ -50,3 +54,13 @@ def write_channels(path: Path, channels: dict[str, NDArray[np.generic]], **heade
     with OpenEXR.File(header, channels) as file:
         file.write(str(path))
     return path
+
+
+def refusal(path: Path, **options: object) -> str:
+    """Message of the one-line error with which a file is refused; it begins with the file's name."""
+    with pytest.raises(InputError) as caught:
+        read_latlong(path, **options)
+    text = str(caught.value)
+    assert text.startswith(f"{path}: ")
+    assert "\n" not in text
+    return text

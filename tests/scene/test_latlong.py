@@ -6,24 +6,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.errors import InputError
 from rsibr.resources import scenes
 from rsibr.scene.latlong import read_latlong
-from tests.scene.maps import write_channels, write_exr
-
-
-@pytest.fixture
-def image(rng):
-    return rng.random((12, 24, 3)).astype(np.float32)
-
-
-def refusal(path, **limits):
-    with pytest.raises(InputError) as caught:
-        read_latlong(path, **limits)
-    text = str(caught.value)
-    assert text.startswith(f"{path}: ")
-    assert "\n" not in text
-    return text
+from tests.scene.maps import refusal, write_channels, write_exr
 
 
 def plane(image, channel):

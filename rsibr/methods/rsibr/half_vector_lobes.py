@@ -154,9 +154,5 @@ def _tables(weights: LobeWeights) -> list[CosineTable]:
     return [CosineTable.of(level) for level in weights.levels]
 
 
-def _irradiance(light: Light, shape: LobeShape) -> EnvironmentPyramid:
-    return EnvironmentPyramid.of_irradiance(light.irradiance(shape.matte))
-
-
 def _colour(values: mi.Vector4f) -> mi.Color3f:
     return mi.Color3f(values.x, values.y, values.z)

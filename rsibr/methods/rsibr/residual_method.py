@@ -50,6 +50,11 @@ class ResidualMethod(WarpBlend):
     keeps_negatives : bool
         Whether negative radiance is kept and residuals are not clamped. Needed for the part of a single lobe, so that
         the parts of all lobes add up, and in spectral maps, where colours outside Rec.709 are legitimate.
+    carries_mirror : bool
+        Whether residuals include the layer of a delta lobe; without it that layer is the prediction alone, because the
+        noise of the stored one is large where a bright source is met by chance (docs/method.md, section 8.5).
+    delta_lights : DeltaLightLobes or None
+        Reflection of lights without extent; None if there are none.
     """
 
     albedo: LobeAlbedo = field(kw_only=True)

@@ -19,23 +19,9 @@ from rsibr.errors import InputError
 from rsibr.scene.interpreter import OVERRIDE
 from rsibr.scene.latlong import read_latlong
 from rsibr.scene.panorama import exr, exr_server
-from tests.scene.maps import write_channels, write_exr
+from tests.scene.maps import refusal, write_channels, write_exr
 
 ACESCG = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
-
-
-@pytest.fixture
-def image(rng):
-    return rng.random((12, 24, 3)).astype(np.float32)
-
-
-def refusal(path, **keys):
-    with pytest.raises(InputError) as caught:
-        read_latlong(path, **keys)
-    text = str(caught.value)
-    assert text.startswith(f"{path}: ")
-    assert "\n" not in text
-    return text
 
 
 def layers(**images):

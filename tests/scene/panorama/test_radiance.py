@@ -10,6 +10,7 @@ import pytest
 
 from rsibr.errors import InputError
 from rsibr.scene.latlong import read_latlong
+from tests.scene.maps import refusal
 
 RGBE = "FORMAT=32-bit_rle_rgbe"
 
@@ -37,16 +38,7 @@ def written(path, texels, *lines, resolution=None, end="\n", body=None):
     return path
 
 
-def refusal(path):
-    with pytest.raises(InputError) as caught:
-        read_latlong(path)
-    text = str(caught.value)
-    assert text.startswith(f"{path}: ")
-    assert "\n" not in text
-    return text
-
-
-@pytest.mark.parametrize(("y", "x", "upright"), itertools.product("+-", "+-", [True, False]))
+@pytest.mark.parametrize(("y", "x", "upright"), list(itertools.product("+-", "+-", [True, False])))
 def test_all_orders_of_the_texels(tmp_path, texels, y, x, upright):
     stored = texels[:: -1 if y == "+" else 1, :: 1 if x == "+" else -1]
     axes = [f"{y}Y 6", f"{x}X 10"]
