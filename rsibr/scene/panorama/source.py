@@ -63,7 +63,7 @@ def opened(path: Path) -> BinaryIO:
         return open_regular(path)
     except NotRegularError as error:
         fix = "name an OpenEXR or Radiance HDR file"
-        raise InputError(error.strerror, where=where, fix=fix) from None
+        raise InputError(str(error.strerror), where=where, fix=fix) from None
     except FileNotFoundError:
         raise InputError("there is no such environment map", where=where, fix="check the path") from None
     except OSError as error:
