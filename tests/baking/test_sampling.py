@@ -11,6 +11,7 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from rsibr.baking import sampling
 from rsibr.baking.baker import bake as bake_config
 from rsibr.baking.baker import bake_view
 from rsibr.baking.blocks import MAX_BLOCKS, Blocks, block_sizes
@@ -19,7 +20,7 @@ from rsibr.baking.sampling import Sampler, Steering
 from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
 from rsibr.scene.config import SamplingConfig
-from rsibr.store.manifest import read_manifest
+from rsibr.store.manifest import SamplingRecord, read_manifest
 from rsibr.store.noise import map_noise
 from tests.arrays import unit_vectors
 from tests.planning.scenes import sun
@@ -203,3 +204,11 @@ def test_where_it_is_not_worth_it_samples_are_even(config, tmp_path):
     manifest = bake(config, out=tmp_path / "b.rsibr", overrides=["sampling.samples=64"], steering=never).manifest
     assert manifest.sampling.scale is None
     assert manifest.sampling.gain > 1
+
+
+@pytest.mark.parametrize(("block", "even"), [(8, 4), (32, 1), (3, 16)])
+def test_noise_is_inversely_proportional_to_all_samples_of_a_texel(block, even):
+    """Half the noise takes twice the samples, of all its blocks."""
+    record = SamplingRecord(block=block, even=even, forecast_rel_mse=0.02)
+    assert sampling._needed(record, 0.02) == block * even
+    assert sampling._needed(record, 0.01) == 2 * block * even
