@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from rsibr.lobes.split import Lobe
 from rsibr.planning.plan import Plan
+from rsibr.store.lobe_shape import shape_record
 from rsibr.store.manifest import LobeRecord, ProxyRecord
 
 
@@ -19,6 +20,7 @@ def lobe_record(lobe: Lobe, plan: Plan) -> LobeRecord:
         alpha=lobe.alpha,
         albedo=_colours(lobe.albedo),
         proxies=tuple(ProxyRecord(alpha=alpha, coefficients=_colours(values)) for alpha, values in terms),
+        shape=shape_record(lobe.shape),
         views=next(planned.own_views for planned in plan.lobes if planned.name == lobe.name),
     )
 

@@ -115,8 +115,8 @@ class SceneParts:
         """
         kind: Rendering = "rgb" if self.environment.width else rendering
         bare = self._once(("light", kind, with_image), lambda: light_of(self.environment, with_image), kind)
-        matte = [shape.matte for shape in shapes.values() if shape.is_matte]
-        glossy = any(not shape.is_matte and not shape.is_mirror for shape in shapes.values())
+        matte = [shape.matte for shape in shapes.values() if shape.has_matte]
+        glossy = any(shape.has_gaussians for shape in shapes.values())
         key = ("tables", kind, rendering, with_image, *shapes)
 
         def with_tables() -> Light:

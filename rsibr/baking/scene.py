@@ -151,7 +151,8 @@ class Scene:
     @property
     def light(self) -> Light:
         """Environment with the tables that the stored lobes need."""
-        shapes = {lobe.name: shape_of(lobe_record(lobe, self.plan)) for lobe in self.stored_lobes}
+        records = [lobe_record(lobe, self.plan) for lobe in self.stored_lobes]
+        shapes = {record.name: shape_of(record) for record in records}
         return self.parts.light(self.rendering, any(lobe.is_mirror for lobe in self.lobes), shapes)
 
     @cached_property

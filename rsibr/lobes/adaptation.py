@@ -142,14 +142,15 @@ class _InSpectra:
 
 
 def _adapted(lobe: Lobe, before: Array, after: Array) -> Lobe:
-    """Scale a lobe's albedo table by after/before, and its proxy's coefficients by the mean of that ratio."""
+    """Scale a lobe's albedo table by after/before, its shape and its proxy's coefficients by the mean of that ratio."""
     factor = np.where(before > _TINY, np.maximum(after, 0) / np.maximum(before, _TINY), 1.0)
     albedo = lobe.albedo * factor
     tint = over_disk(albedo) / np.maximum(over_disk(lobe.albedo), _TINY)
     if lobe.proxy is None:
         return replace(lobe, albedo=albedo)
     coefficients = tuple(colours * tint for colours in lobe.proxy.coefficients)
-    return replace(lobe, albedo=albedo, proxy=replace(lobe.proxy, coefficients=coefficients))
+    proxy = replace(lobe.proxy, coefficients=coefficients)
+    return replace(lobe, albedo=albedo, shape=lobe.shape.tinted(tint), proxy=proxy)
 
 
 def _response(emitter: dict[str, Any]) -> Array:

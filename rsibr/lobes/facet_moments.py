@@ -28,6 +28,7 @@ _Seen = Callable[[Array, Array, float], tuple[Array, Array]]
 _GRAZING_NODE = 2e-3  # cosine of the first node: at 0 every microfacet is masked
 _RADII, _TURNS = 24, 24  # points of the quadrature over a Gaussian
 _NARROWEST = 1e-5
+_TRANSMITTED = 20 / 21  # mean of Schlick's transmittance over a cosine lobe
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,7 @@ class FacetMoments:
     Attributes
     ----------
     weight : ndarray, shape (NODES, 3)
-        Energy: light reflected under a constant sky, in each channel, up to a factor common to the lobe's Gaussians.
+        Energy: light reflected under a constant sky of radiance 1, in each channel.
     lean : ndarray, shape (NODES,)
         Mean tilt [rad] of the microfacets from the normal toward the viewer. The projected area h·v is divided out: the
         half-vector pyramid multiplies it in.
@@ -56,12 +57,12 @@ def cosines() -> Array:
     return np.maximum(np.linspace(0, 1, NODES) ** 2, _GRAZING_NODE)
 
 
-def facet_moments(kernel: LobeShape) -> list[FacetMoments]:
-    """Moments of each Gaussian of a glossy lobe.
+def facet_moments(shape: LobeShape) -> list[FacetMoments]:
+    """Moments of each Gaussian of a lobe.
 
     Parameters
     ----------
-    kernel : LobeShape
+    shape : LobeShape
         Shape of the lobe.
 
     Returns
@@ -75,16 +76,29 @@ def facet_moments(kernel: LobeShape) -> list[FacetMoments]:
     2007, eq. 20 and 38, in slopes); under a coat in the refracted directions, as in `rsibr.lobes.basis.coated_ggx`.
     """
     return [
-        *_moments(kernel.bare, kernel.alpha, _seen_bare),
-        *_moments(kernel.coated, kernel.alpha, _seen_coated),
+        *_moments(shape.bare, shape.alpha, _seen_bare),
+        *_moments(shape.coated, shape.alpha, _seen_coated),
     ]
+
+
+def matte_energy(matte: Array) -> Array:
+    """Light that a matte lobe reflects under a constant sky of radiance 1, shape (NODES, 3).
+
+    Parameters
+    ----------
+    matte : ndarray, shape (2, 3)
+        Weights of the bare and of the coated cosine lobe; see `LobeShape`.
+
+    Notes
+    -----
+    Under a coat T(θ_o) ∫ 2 c T(c) dc = T(θ_o) · 20/21 with Schlick's T(c) = 1 − (1 − c)⁵.
+    """
+    return np.asarray(matte[0] + matte[1] * _TRANSMITTED * transmitted(cosines(), np)[:, None])
 
 
 def _moments(gaussians: Gaussians, alpha: float, seen: _Seen) -> list[FacetMoments]:
-    return [
-        _of_one(sigma, plain, grazing, alpha, seen)
-        for sigma, plain, grazing in zip(gaussians.sigmas, gaussians.plain, gaussians.grazing, strict=True)
-    ]
+    terms = zip(gaussians.sigmas, gaussians.plain, gaussians.grazing, strict=True)
+    return [_of_one(sigma, plain, grazing, alpha, seen) for sigma, plain, grazing in terms]
 
 
 def _of_one(sigma: float, plain: Array, grazing: Array, alpha: float, seen: _Seen) -> FacetMoments:

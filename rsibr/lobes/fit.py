@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
 from itertools import pairwise
 
 import mitsuba as mi
@@ -15,14 +14,10 @@ from rsibr.errors import InputError
 from rsibr.lobes.basis import LAMBERT, lobe_values
 from rsibr.lobes.bsdf_eval import reflected
 from rsibr.lobes.components import LEAST_SHARE, told_apart
-from rsibr.lobes.low_discrepancy import sobol
-from rsibr.lobes.microfacet import ggx_density
+from rsibr.lobes.probe_directions import probe_directions
 
 ROUGHNESSES: tuple[float, ...] = (LAMBERT, *np.geomspace(0.004, 1.0, 24).tolist())
 """Roughness α of the dictionary's lobes."""
-
-COSINES_OUT = (0.98, 0.8, 0.6, 0.4, 0.25, 0.12)
-"""Cosines of the view angles at which the BRDF is evaluated."""
 
 WIDEST_GAP = 1.9
 """Ratio of neighbouring roughnesses above which fitted terms belong to two lobes, not to one between two entries."""
@@ -36,8 +31,6 @@ ALL_BUT_MATTE = 0.35, 0.05
 matte proxy rather than being a lobe of its own."""
 
 _TINY = 1e-12
-_DRAWS = 128
-_PROBED = (0.004, 0.02, 0.07, 0.25, 0.7)  # roughness of the GGX densities from which light directions are drawn
 
 
 @dataclass(frozen=True)
@@ -72,6 +65,14 @@ class ProxyLobe:
         weights = [float(c.sum() - 0.95 * c[1:2].sum()) + _TINY for c in self.coefficients]
         return float(np.exp(np.average(np.log(self.alphas), weights=weights)))
 
+    def brdf_cosine(self, wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Color3f:
+        """BRDF times cosine of the light [sr⁻¹] of the proxy, for unit directions in the surface's frame."""
+        total = mi.Color3f(0)
+        for alpha, colours in zip(self.alphas, self.coefficients, strict=True):
+            for value, colour in zip(lobe_values(wi, wo, alpha), colours, strict=False):
+                total += value * mi.Color3f(*colour.tolist())
+        return total
+
 
 def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
     """Fit a BRDF by a few proxy lobes, widest first.
@@ -103,7 +104,8 @@ def fit_lobes(bsdf: mi.BSDF) -> list[ProxyLobe]:
     >>> [round(lobe.alpha, 1) for lobe in lobes]
     [0.1]
     """
-    wi, wo, density = _directions()
+    probes = probe_directions()
+    wi, wo, density = probes.wi, probes.wo, probes.density
     _check_finite(bsdf, wi, wo)
     components: list[int] | list[None] = told_apart(bsdf, wi, wo, density) or [None]
     matte = [c is not None and mi.has_flag(bsdf.flags(c), mi.BSDFFlags.Diffuse) for c in components]
@@ -130,9 +132,10 @@ def _check_finite(bsdf: mi.BSDF, wi: NDArray[np.float64], wo: NDArray[np.float64
 
 
 def _fitted(wanted: NDArray[np.float64], roughnesses: tuple[float, ...], most_glossy: int) -> list[ProxyLobe]:
-    """Fit values at `_directions` by basis functions of some roughnesses."""
-    wi, wo, density = _directions()
-    terms = [_columns(wi, wo, alpha) for alpha in roughnesses]
+    """Fit values at the probe directions by basis functions of some roughnesses."""
+    probes = probe_directions()
+    density = probes.density
+    terms = [_columns(probes.wi, probes.wo, alpha) for alpha in roughnesses]
     basis = np.concatenate(terms, axis=1)
     weight = 1.0 / np.sqrt(density[:, None] * (wanted + 1e-3 * wanted.max(axis=0, initial=1e-12, keepdims=True) + 1e-6))
     solved = np.stack([nnls(basis * weight[:, c, None], wanted[:, c] * weight[:, c])[0] for c in range(3)], axis=1)
@@ -199,41 +202,3 @@ def _merged(
 def _columns(wi: NDArray[np.float64], wo: NDArray[np.float64], alpha: float) -> NDArray[np.float64]:
     values = lobe_values(mi.Vector3f(wi.T.astype(np.float32)), mi.Vector3f(wo.T.astype(np.float32)), alpha)
     return np.stack([np.array(value, dtype=np.float64) for value in values], axis=1)
-
-
-@cache
-def _directions() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Pairs of directions, and the sum of the sampling densities [sr⁻¹] at the light directions."""
-    u = sobol(2, _DRAWS, seed=7)
-    wi, wo = [], []
-    for cosine in COSINES_OUT:
-        out = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
-        for alpha in _PROBED:
-            wi.append(_mirrored(_ggx_normals(u, alpha), out))
-        radius, turn = np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
-        wi.append(np.stack([radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - u[:, 0])], axis=1))
-        wo.append(np.tile(out, ((len(_PROBED) + 1) * _DRAWS, 1)))
-    light, view = np.concatenate(wi), np.concatenate(wo)
-    above = light[:, 2] > 1e-3
-    light, view = light[above], view[above]
-    return light, view, _density(light, view)
-
-
-def _ggx_normals(u: NDArray[np.float64], alpha: float) -> NDArray[np.float64]:
-    tangent = alpha * np.sqrt(u[:, 0] / (1 - u[:, 0]))
-    cosine = 1 / np.sqrt(1 + tangent**2)
-    sine = np.sqrt(1 - cosine**2)
-    return np.stack([sine * np.cos(2 * np.pi * u[:, 1]), sine * np.sin(2 * np.pi * u[:, 1]), cosine], axis=1)
-
-
-def _mirrored(h: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(2 * (h @ wo)[:, None] * h - wo)
-
-
-def _density(wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:
-    h = wi + wo
-    h /= np.linalg.norm(h, axis=1, keepdims=True)
-    density = np.maximum(wi[:, 2], 0) / np.pi
-    for alpha in _PROBED:
-        density = density + ggx_density(h[:, 2], alpha) * h[:, 2] / (4 * np.maximum((h * wo).sum(1), 1e-6))
-    return np.asarray(density)

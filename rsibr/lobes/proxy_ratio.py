@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from rsibr.lobes.basis import lobe_values
 from rsibr.lobes.fit import ProxyLobe
 from rsibr.lobes.split import LobeSplit
 
@@ -69,7 +68,7 @@ def _table(split: LobeSplit, index: int, proxy: ProxyLobe) -> NDArray[np.float32
     wi, wo = _matte_directions() if proxy.is_matte else _glossy_directions(proxy.alpha)
     above = (wi[:, 2] > _LEAST_COSINE**2) & (wo[:, 2] > _LEAST_COSINE**2)
     d_i, d_o = (mi.Vector3f(np.ascontiguousarray(w.T, dtype=np.float32)) for w in (wi, wo))
-    lobe, fitted = (_sums(value, above) for value in (split.parts(d_i, d_o)[index], _proxy_value(proxy, d_i, d_o)))
+    lobe, fitted = (_sums(value, above) for value in (split.parts(d_i, d_o)[index], proxy.brdf_cosine(d_i, d_o)))
     ratio = np.where(fitted > _TINY, np.clip(lobe / np.maximum(fitted, _TINY), 0, _LARGEST), 1)
     missing = ~above.reshape(NODES, NODES, _TURNS).any(axis=2)
     row, column = distance_transform_edt(missing, return_distances=False, return_indices=True)
@@ -80,15 +79,6 @@ def _sums(value: mi.Color3f, above: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Sums over the azimuth, shape (NODES, NODES, 3)."""
     rows = np.broadcast_to(np.array(value, dtype=np.float64).reshape(3, -1).T, (len(above), 3))
     return np.asarray(np.where(above[:, None], rows, 0).reshape(NODES, NODES, _TURNS, 3).sum(axis=2))
-
-
-def _proxy_value(proxy: ProxyLobe, wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Color3f:
-    """BRDF times cosine [sr⁻¹] of a proxy."""
-    total = mi.Color3f(0)
-    for alpha, colours in zip(proxy.alphas, proxy.coefficients, strict=True):
-        for value, colour in zip(lobe_values(wi, wo, alpha), colours, strict=False):
-            total += value * mi.Color3f(*colour.tolist())
-    return total
 
 
 def _grid() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

@@ -24,6 +24,9 @@ from rsibr.lobes.albedo import albedo_tables, mirror_albedo
 from rsibr.lobes.basis import LAMBERT, lobe_values
 from rsibr.lobes.components import component_shares
 from rsibr.lobes.fit import ProxyLobe, fit_lobes
+from rsibr.lobes.gaussians import LobeShape
+from rsibr.lobes.probe_directions import probe_directions
+from rsibr.lobes.shape_fit import fit_shape
 from rsibr.scene.wavelengths import Wavelengths
 
 MIRROR = -1.0
@@ -42,6 +45,8 @@ class Lobe:
         Roughness α = r² of the fitted GGX lobe; `LAMBERT` for a matte lobe, `MIRROR` for a delta lobe.
     albedo : ndarray, shape (NODES, 3)
         Directional albedo E_k at the view angles of `rsibr.lobes.albedo.node_cosines`.
+    shape : LobeShape
+        The lobe itself as a sum of terms that can be gathered.
     proxy : ProxyLobe or None
         Fitted proxy; None for a delta lobe.
     """
@@ -49,6 +54,7 @@ class Lobe:
     name: str
     alpha: float
     albedo: NDArray[np.float64]
+    shape: LobeShape
     proxy: ProxyLobe | None = None
 
     @property
@@ -112,11 +118,20 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
 
     @cached_property
     def lobes(self) -> list[Lobe]:
-        """Lobes with their albedos, computed on first use in one to two seconds."""
+        """Lobes with their albedos and shapes, computed on first use in one to two seconds."""
         tables = albedo_tables(self) if self._proxies else []
-        smooth = zip(self.names, self._proxies, tables, strict=False)
-        lobes = [Lobe(name, proxy.alpha, table, proxy) for name, proxy, table in smooth]
-        return [*lobes, Lobe(self.names[-1], MIRROR, mirror_albedo(self._bsdf))] if self._has_mirror else lobes
+        smooth = zip(self.names, self._proxies, tables, self._shapes(), strict=False)
+        lobes = [Lobe(name, proxy.alpha, table, shape, proxy) for name, proxy, table, shape in smooth]
+        if not self._has_mirror:
+            return lobes
+        return [*lobes, Lobe(self.names[-1], MIRROR, mirror_albedo(self._bsdf), LobeShape.mirror())]
+
+    def _shapes(self) -> list[LobeShape]:
+        """Shape of each lobe that is not a delta lobe, fitted to f·ω_k."""
+        probes = probe_directions()
+        wi, wo = (mi.Vector3f(np.ascontiguousarray(w.T, dtype=np.float32)) for w in (probes.wi, probes.wo))
+        values = [np.broadcast_to(np.array(part, dtype=np.float64).T, probes.wi.shape) for part in self.parts(wi, wo)]
+        return [fit_shape(v, proxy.alpha, with_matte=proxy.is_matte) for v, proxy in zip(values, self._proxies, strict=True)]
 
     def split(
         self,

@@ -41,3 +41,8 @@ class CosineTable:
             dr.gather(mi.Vector4f, self.nodes, below + 1),
             place - mi.Float(below),
         )
+
+    def colour(self, cosine: mi.Float) -> mi.Color3f:
+        """First three channels at cos θ, linear between the nodes."""
+        values = self.at(cosine)
+        return mi.Color3f(values.x, values.y, values.z)

@@ -105,8 +105,8 @@ class MethodInputs:
 
     @shared
     def pyramid(self) -> EnvironmentPyramid:
-        """Gaussian pyramid of the environment on the device; only its finest level where no lobe is glossy."""
-        if any(not shape.is_matte and not shape.is_mirror for shape, _ in self.shapes.values()):
+        """Gaussian pyramid of the environment on the device; only its finest level where no lobe has Gaussians."""
+        if any(shape.has_gaussians for shape, _ in self.shapes.values()):
             return EnvironmentPyramid.of(self.light.picture, self.light.levels)
         return EnvironmentPyramid.finest_only(self.light.picture)
 

@@ -33,5 +33,4 @@ class LobeAlbedo:
 
     def at(self, cosine: mi.Float) -> mi.Color3f:
         """Albedo at cos θ, linear between the nodes."""
-        values = self.table.at(cosine)
-        return mi.Color3f(values.x, values.y, values.z)
+        return self.table.colour(cosine)

@@ -17,13 +17,14 @@ from rsibr.lobes.albedo import NODES
 from rsibr.lobes.basis import COATED_FROM, LAMBERT, PLAIN_FROM
 from rsibr.lobes.split import MIRROR
 from rsibr.scene.config import Config, parse_config
-from rsibr.store.manifest import LobeRecord, Manifest, ProxyRecord
+from rsibr.store.manifest import LobeRecord, Manifest, ProxyRecord, ShapeRecord
 
 BAKE_ANEW = "bake anew with --fresh"
 
 _SAME_DIRECTION = 1e-9
 _NARROWEST, _ROUGHEST = 1e-4, 2.0
-_MOST_PROXIES = 32
+_MOST_PROXIES, _MOST_GAUSSIANS = 32, 64
+_WIDEST = 10.0  # standard deviation of slopes
 _BRIGHTEST_ALBEDO, _LARGEST_COEFFICIENT = 100.0, 1e6
 _CERTAINLY_GLOSSY = 0.35  # roughness below which a lobe of a built-in BSDF is no correction of a matte one
 
@@ -141,13 +142,31 @@ def _check_lobe(lobe: LobeRecord, place: str) -> None:
     _require(bool(within.all()), f"{place}.albedo: out of range")
     if not lobe.proxies:
         _require(lobe.alpha == MIRROR, f"{place}.proxies: there are none, and it is no delta lobe")
+        _require(lobe.shape is None, f"{place}.shape: is not that of a delta lobe")
         return
     alphas = [proxy.alpha for proxy in lobe.proxies]
     _require(len(alphas) <= _MOST_PROXIES and len(set(alphas)) == len(alphas), f"{place}.proxies: too many, or alike")
     for number, proxy in enumerate(lobe.proxies):
         _check_proxy(proxy, f"{place}.proxies.{number}")
+    if lobe.shape is not None:
+        _check_shape(lobe.shape, f"{place}.shape")
     low, high = (LAMBERT, LAMBERT) if LAMBERT in alphas else (min(alphas), max(alphas))
     _require(low * (1 - 1e-6) <= lobe.alpha <= high * (1 + 1e-6), f"{place}.alpha: is not that of its proxies")
+
+
+def _check_shape(shape: ShapeRecord, place: str) -> None:
+    _require(0.0 < shape.alpha <= 1.0, f"{place}.alpha: {shape.alpha:g} is no roughness")
+    for name, mixture in (("bare", shape.bare), ("coated", shape.coated)):
+        sigmas = np.array([one.sigma for one in mixture])
+        sound = len(mixture) <= _MOST_GAUSSIANS and bool((np.diff(sigmas, prepend=0.0) > 0.0).all())
+        _require(sound, f"{place}.{name}: too many Gaussians, or not in order of their widths")
+        _require(bool((sigmas >= _NARROWEST).all() and (sigmas <= _WIDEST).all()), f"{place}.{name}: width out of range")
+        weights = np.array([(one.plain, one.grazing) for one in mixture])
+        within = (weights >= 0.0) & (weights <= _LARGEST_COEFFICIENT)
+        _require(bool(within.all()), f"{place}.{name}: weights out of range")
+    matte = np.array(shape.matte)
+    within = (matte >= 0.0) & (matte <= _LARGEST_COEFFICIENT)
+    _require(bool(within.all()), f"{place}.matte: out of range")
 
 
 def _check_proxy(proxy: ProxyRecord, place: str) -> None:

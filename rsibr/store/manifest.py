@@ -81,6 +81,41 @@ class ProxyRecord(_Record):
     coefficients: tuple[Vector, ...]
 
 
+class GaussianRecord(_Record):
+    """One Gaussian over microfacet slopes; see `rsibr.lobes.gaussians.Gaussians`.
+
+    Attributes
+    ----------
+    sigma : float
+        Standard deviation of the slopes.
+    plain, grazing : colour
+        Its weights without a Fresnel term, and times Schlick's.
+    """
+
+    sigma: float
+    plain: Vector
+    grazing: Vector
+
+
+class ShapeRecord(_Record):
+    """Shape of a lobe; see `rsibr.lobes.gaussians.LobeShape`.
+
+    Attributes
+    ----------
+    alpha : float
+        Roughness α in the masking.
+    bare, coated : tuple of GaussianRecord
+        Microfacets on the surface and under a coat.
+    matte : (colour, colour)
+        Weights of a cosine lobe, bare and coated.
+    """
+
+    alpha: float
+    bare: tuple[GaussianRecord, ...]
+    coated: tuple[GaussianRecord, ...]
+    matte: tuple[Vector, Vector]
+
+
 class LobeRecord(_Record):
     """One lobe of the material.
 
@@ -94,6 +129,8 @@ class LobeRecord(_Record):
         Directional albedo by view angle; see `rsibr.lobes.albedo`.
     proxies : tuple of ProxyRecord
         Proxy of the lobe; empty for a delta lobe, and in bakes older than this record.
+    shape : ShapeRecord or None
+        The lobe's own shape, which predictions use; None for a delta lobe, and in bakes older than this record.
     views : int or None
         Number of views that store it as a layer of its own, the first ones; the others store it added to further lobes.
         None if all views do, and in bakes older than this field. See `rsibr.store.layers`.
@@ -103,6 +140,7 @@ class LobeRecord(_Record):
     alpha: float
     albedo: tuple[Vector, ...]
     proxies: tuple[ProxyRecord, ...] = ()
+    shape: ShapeRecord | None = None
     views: int | None = Field(None, ge=1)
 
 

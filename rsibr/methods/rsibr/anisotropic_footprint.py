@@ -25,6 +25,10 @@ _MOST_LOOKUPS = 24
 _OVERLAP = 0.3  # minimum width of a lookup over the distance to the next one
 _LEAST_VIEW_COSINE = 1e-3  # view angle at which the shading frame is clamped
 _GRAZING = 0.02  # cosine below which a footprint is not elongated further
+_HERMITE = tuple(
+    (float(x), float(w)) for x, w in zip(*np.polynomial.hermite_e.hermegauss(4), strict=True)
+)  # places and weights of the Gauss–Hermite rule
+_SHARP_OVERLAP = 0.5  # minimum width of one of its lookups over the standard deviation along
 _NARROWEST = 1e-9  # avoids 0/0 for a delta lobe at a point, whose footprint has no extent
 
 
@@ -77,14 +81,19 @@ class AnisotropicFootprint:
     along, across : mi.Float
         Standard deviations of the slopes: σ∥ of the lookups' places in the plane of incidence, without the part that
         the blur of each lookup contributes, and σ⊥ across that plane (docs/method.md, eq. 19).
+    centre : mi.Float
+        Slope toward the viewer of its middle.
     """
 
     shading: ShadingFrame
     along: mi.Float
     across: mi.Float
+    centre: mi.Float
 
     @classmethod
-    def of(cls, shading: ShadingFrame, sigma: mi.Float, spacing: mi.Float) -> AnisotropicFootprint:
+    def of(
+        cls, shading: ShadingFrame, sigma: mi.Float, spacing: mi.Float, centre: mi.Float | float = 0.0
+    ) -> AnisotropicFootprint:
         """Make the footprint of a Gaussian of microfacet slopes over a texel; docs/method.md, eq. 19.
 
         Parameters
@@ -96,29 +105,31 @@ class AnisotropicFootprint:
         spacing : mi.Float
             Distance of neighbouring texels in radii of the disk, 0 for a point. The spread of normals over a texel
             widens the footprint, by a factor of 1/cos θ more in the plane of incidence.
+        centre : mi.Float or float
+            Slope toward the viewer of the Gaussian's middle.
         """
         cosine = dr.maximum(shading.cosine, _GRAZING)
         texel = spacing * spacing * (1 / 12)  # variance of the texel's box filter
         across = dr.sqrt(sigma * sigma + texel)
         along = sigma * sigma + texel / (cosine * cosine) - dr.square(cosine * across)
-        return cls(shading, dr.sqrt(dr.maximum(along, 0)), across)
+        return cls(shading, dr.sqrt(dr.maximum(along, 0)), across, mi.Float(centre))
 
-    def two_taps(self, look_up: LookUp) -> mi.Color3f:
-        """Mean radiance of two lookups, one standard deviation to either side of the mirror direction.
+    def four_taps(self, look_up: LookUp) -> mi.Color3f:
+        """Mean radiance of four lookups along the plane of incidence.
 
         Notes
         -----
-        Gauss–Hermite rule of two points; each is weighted by h·v, the projected area of its microfacet
+        Gauss–Hermite rule of four points; each is weighted by h·v, the projected area of its microfacet
         (docs/method.md, section 7.6).
         """
         light, weight = mi.Color3f(0), mi.Float(0)
-        for t in (-1, 1):
+        for t, share in _HERMITE:
             facet = dr.normalize(mi.Vector3f(t * self.along, 0, 1))
             toward = dr.dot(facet, self.shading.v)
             w = 2 * toward * facet - self.shading.v
-            share = dr.select((toward > 0) & (w.z > 0), toward, 0)
-            light += share * look_up(self.shading.to_world(w), self._width(facet, 0.5 * self.along))
-            weight += share
+            counted = dr.select((toward > 0) & (w.z > 0), share * toward, 0)
+            light += counted * look_up(self.shading.to_world(w), self._width(facet, _SHARP_OVERLAP * self.along))
+            weight += counted
         return light / dr.maximum(weight, 1e-20)
 
     def gather(
@@ -155,7 +166,7 @@ class AnisotropicFootprint:
             j: mi.Float, light: mi.Color3f, weight: mi.Color3f, total: mi.Float
         ) -> tuple[mi.Float, mi.Color3f, mi.Color3f, mi.Float]:
             t = dr.fma(j + 0.5, step, -_REACH)
-            facet = dr.normalize(mi.Vector3f(t * spread * self.along, 0, 1))
+            facet = dr.normalize(mi.Vector3f(dr.fma(t * spread, self.along, self.centre), 0, 1))
             share = dr.exp(-0.5 * t * t)
             w, weighing = colour(facet)
             weighing *= share

@@ -1,19 +1,23 @@
-"""Gaussian pyramid of the reflected environment over half-vectors; one lookup serves all glossy lobes.
+"""Gaussian pyramid of the reflected environment over half-vectors; one lookup serves all narrow Gaussians.
 
 For one viewer every half-vector reflects one direction, so the reflected environment is an image over the half-vector
-map. A microfacet lobe is nearly isotropic over half-vectors, at every surface normal: each lobe is a convolution of
-this one image with isotropic Gaussians. The levels of the pyramid are weighted by surface angle and summed from the
-coarsest to the finest. A texel of a sphere map then takes one bilinear lookup, for any number of lobes.
+map. A narrow microfacet lobe is nearly isotropic over half-vectors, at every surface normal: each Gaussian is a
+convolution of this one image with an isotropic kernel. The levels of the pyramid, √2 apart in width, are weighted by
+surface angle and summed from the coarsest to the finest. A texel of a sphere map then takes one bilinear lookup, for
+any number of Gaussians.
 
 docs/method.md, section 7, derives the method; equation numbers below are those of that page.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from rsibr.geometry.bilinear import BilinearCell
 from rsibr.geometry.projections.sphere_map import within_disk
@@ -21,45 +25,37 @@ from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.rsibr.half_vector_map import angle_per_length, half_vector, half_vector_texels
 
-LEVELS = 5
-"""Levels of the pyramid, each with half the texels a side of the previous one."""
+RESOLUTION = 96
+"""Texels a side of level 0, G; a multiple of 8. Gaussians narrower than a texel are looked up in the environment."""
 
-_COARSEST = 5, 16  # texels a side of the coarsest level: minimum, maximum
-_TAPS = 6
-_ADDED = 3.0  # variance of the Gaussian that the taps sample, in texels² of the finer level; six taps keep 1.9965 of it
-_FIRST = 0.25  # variance of level 0 in its texels²: blur of the environment lookup of each texel
+LADDER = ((0, 0.25), (0, 1.0), (0, 2.0), (1, 4.0), (1, 8.0), (2, 16.0), (2, 32.0), (3, 64.0))
+"""For each level, how often its side is halved, and its variance before lookups [texels² of level 0]."""
+
+_TAPS = 5, 6  # of a blur along each axis: at the same resolution, and to half of it
 _LOOKUP = 1 / 6  # variance of a bilinear lookup (tent filter) in texels²
-_LEAST_HEIGHT = 0.01  # minimum h·v in the width of that lookup
-
-
-def finest_resolution(resolution: int) -> int:
-    """Texels a side of level 0 for sphere maps of N×N texels: N/4 as a multiple of 16, in [80, 256].
-
-    Gaussians narrower than its texels are looked up in the environment pyramid instead. Higher resolutions were
-    measured to be slower without being more accurate.
-    """
-    unit: int = 2 ** (LEVELS - 1)
-    least, most = _COARSEST
-    return unit * min(max(round(0.25 * resolution / unit), least), most)
+_UPSAMPLED = 3 / 16  # the same a quarter of a texel off the centres
+_LEAST_HEIGHT = 0.01  # minimum h·v in the width of the environment lookup of level 0
 
 
 def level_variances() -> NDArray[np.float64]:
-    """Variance V_ℓ of a bilinear lookup in each level, in texels² of level 0, shape (LEVELS,); eq. 24."""
-    taps = _taps()
-    added = (taps * _offsets() ** 2).sum()
-    blurred = _FIRST + added * np.concatenate([[0.0], np.cumsum(4.0 ** np.arange(LEVELS - 1))])
-    return np.asarray(blurred + _LOOKUP * 4.0 ** np.arange(LEVELS))
+    """Variance V_ℓ of each level as it appears in the collapsed map, in texels² of level 0, shape (levels,); eq. 25."""
+    return np.array(
+        [
+            variance + _LOOKUP * 4.0**halvings + _UPSAMPLED * sum(4.0**k for k in range(1, halvings + 1)) + _LOOKUP
+            for halvings, variance in LADDER
+        ]
+    )
 
 
-def texel_angle(resolution: int, polar_angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angle [rad] between neighbouring texels of a G×G half-vector map at a polar angle [rad] from v; eq. 4."""
-    return np.asarray(4 / resolution * np.cos(polar_angle / 2) ** 2)
+def texel_angle(polar_angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angle [rad] between neighbouring texels of level 0 at a polar angle [rad] from v; eq. 4."""
+    return np.asarray(4 / RESOLUTION * np.cos(polar_angle / 2) ** 2)
 
 
 def gathered(
-    frame: mi.Matrix3f, light: EnvironmentPyramid, weights: list[CosineTable], balance: mi.Float, resolution: int
+    frame: mi.Matrix3f, light: EnvironmentPyramid, weights: list[CosineTable], balance: mi.Float
 ) -> mi.Float:
-    """Build and collapse the pyramid: radiance of all glossy lobes over the half-vector map of a viewer.
+    """Build and collapse the pyramid: radiance of all narrow Gaussians over the half-vector map of a viewer.
 
     Parameters
     ----------
@@ -71,28 +67,26 @@ def gathered(
         For each level, by cosine of the surface angle: weight g_ℓ (RGB), and the radius factor φ_ℓ that moves the
         lookup to the centre of the visible lobe (eq. 28).
     balance : mi.Float
-        Factors β from `balance` for the same weights and resolution.
-    resolution : int
-        Texels a side of level 0, G; see `finest_resolution`.
+        Factors β from `balance` for the same weights.
 
     Returns
     -------
     mi.Float
         RGBA of the half-vector map with a border of one texel, flat, for `lookup`: Σ_ℓ g_ℓ · radiance [W sr⁻¹ m⁻²].
     """
-    total = _summed(_mirrored(frame, light, resolution), weights, resolution)
-    return _stored(total * dr.gather(mi.Vector4f, balance, dr.arange(mi.UInt32, (resolution + 2) ** 2)))
+    total = _summed(_mirrored(frame, light), weights)
+    return _stored(total * dr.gather(mi.Vector4f, balance, dr.arange(mi.UInt32, (RESOLUTION + 2) ** 2)))
 
 
-def balance(weights: list[CosineTable], resolution: int) -> mi.Float:
+def balance(weights: list[CosineTable]) -> mi.Float:
     """Factors β on the texels of the collapsed map that make a constant environment exact; eq. 30.
 
     A coarse level has too few texels to follow weights that change fast with the surface angle. Without the factors
-    the radiance under a constant environment would be off; over six presets the factors lie between 0.92 and 1.15.
+    the radiance under a constant environment would be off.
 
     Parameters
     ----------
-    weights, resolution
+    weights : list of CosineTable
         As in `gathered`.
 
     Returns
@@ -100,8 +94,8 @@ def balance(weights: list[CosineTable], resolution: int) -> mi.Float:
     mi.Float
         RGBA of the map with its border, flat; A is unused.
     """
-    p = half_vector_texels(resolution, border=1)
-    even = _summed(_stored(mi.Vector4f(dr.maximum(half_vector(p).z, 0))), weights, resolution)
+    p = half_vector_texels(RESOLUTION, border=1)
+    even = _summed(_stored(mi.Vector4f(dr.maximum(half_vector(p).z, 0))), weights)
     cosine = half_vector(within_disk(p)).z
     wanted = mi.Vector4f(0)
     for weight in weights:
@@ -109,17 +103,17 @@ def balance(weights: list[CosineTable], resolution: int) -> mi.Float:
     return _stored(wanted / dr.maximum(even, 1e-20))
 
 
-def lookup(texels: mi.Float, resolution: int, p: mi.Point2f) -> mi.Vector4f:
+def lookup(texels: mi.Float, p: mi.Point2f, resolution: int = RESOLUTION) -> mi.Vector4f:
     """Bilinear lookup in a half-vector map of G×G texels with a border of one texel.
 
     Parameters
     ----------
     texels : mi.Float
         RGBA, row-major, flat.
-    resolution : int
-        Texels a side without the border, G.
     p : mi.Point2f
         Map points in the unit disk.
+    resolution : int
+        Texels a side without the border, G.
 
     Returns
     -------
@@ -136,70 +130,101 @@ def lookup(texels: mi.Float, resolution: int, p: mi.Point2f) -> mi.Vector4f:
     return dr.lerp(upper, dr.lerp(texel(stride), texel(stride + 1), cell.rightward), cell.downward)
 
 
-def _summed(finest: mi.Float, weights: list[CosineTable], resolution: int) -> mi.Vector4f:
-    """Build the pyramid over level 0 (`finest`), and collapse it from the coarsest level to the finest (eq. 29)."""
+def _summed(finest: mi.Float, weights: list[CosineTable]) -> mi.Vector4f:
+    """Build the pyramid over level 0 (`finest`), and collapse it from the coarsest size to the finest (eq. 29)."""
     levels = [finest]
-    for level in range(1, LEVELS):
-        levels.append(_halved(levels[-1], resolution >> (level - 1)))
+    for finer, coarser in pairwise(LADDER):
+        levels.append(_blurred(levels[-1], finer, coarser))
     total = None
-    for level in reversed(range(LEVELS)):
-        coarser = None if total is None else _stored(total)
-        total = _collapsed(levels[level], coarser, weights[level], resolution >> level)
+    for halvings in range(LADDER[-1][0], -1, -1):
+        members = [level for level, (size, _) in enumerate(LADDER) if size == halvings]
+        coarser_sum = None if total is None else _stored(total)
+        total = _collapsed([(levels[m], weights[m]) for m in members], coarser_sum, RESOLUTION >> halvings)
     return total
 
 
-def _mirrored(frame: mi.Matrix3f, light: EnvironmentPyramid, resolution: int) -> mi.Float:
+def _mirrored(frame: mi.Matrix3f, light: EnvironmentPyramid) -> mi.Float:
     """Level 0: environment reflected by each half-vector, times h·v, with h·v in the fourth channel (eq. 22)."""
-    p = half_vector_texels(resolution, border=1)
+    p = half_vector_texels(RESOLUTION, border=1)
     h = half_vector(p)
     seen = dr.maximum(h.z, 0)
     direction = frame @ mi.Vector3f(2 * h.z * h.x, 2 * h.z * h.y, 2 * h.z * h.z - 1)
     # A texel of width δ reflects into an ellipse of 2δ by 2δ h_z. Half the width of the circle of equal area: δ √h_z
-    width = angle_per_length(p) * (2 / resolution) * dr.sqrt(dr.maximum(seen, _LEAST_HEIGHT))
-    radiance = light.nearest_blurred(direction, width) * seen
+    width = angle_per_length(p) * (2 / RESOLUTION) * dr.sqrt(dr.maximum(seen, _LEAST_HEIGHT))
+    radiance = light.blurred(direction, width) * seen
     return _stored(mi.Vector4f(radiance.x, radiance.y, radiance.z, seen))
 
 
-def _halved(finer: mi.Float, resolution: int) -> mi.Float:
-    """Next level: blurred to twice the width, with half the texels a side; zero beyond the map (eq. 23)."""
-    # ---- Place of the first of the 6 × 6 taps in the finer level ----
-    side, stride = resolution // 2 + 2, resolution + 2
-    index = dr.arange(mi.UInt32, side * side)
-    first_row = 2 * mi.Int32(index // side) - _TAPS // 2
-    first_column = 2 * mi.Int32(index % side) - _TAPS // 2
-    # ---- Separable kernel, border included ----
+def _blurred(finer: mi.Float, before: tuple[int, float], after: tuple[int, float]) -> mi.Float:
+    """Next level: blurred to its variance, along the rows, then along the columns; zero beyond the map (eq. 23)."""
+    halves = after[0] > before[0]
+    kernel = taps(before, after)
+    fine, coarse = (RESOLUTION >> halvings for halvings in (before[0], after[0]))
+    along = _convolved(finer, kernel, (fine, coarse), (fine, fine), halves, by_row=True)
+    return _convolved(along, kernel, (coarse, coarse), (fine, coarse), halves, by_row=False)
+
+
+def _convolved(
+    source: mi.Float,
+    kernel: NDArray[np.float64],
+    columns: tuple[int, int],
+    rows: tuple[int, int],
+    halves: bool,
+    *,
+    by_row: bool,
+) -> mi.Float:
+    """Convolve along one axis; `columns` and `rows` are the sides before and after, without borders."""
+    before, after = columns if by_row else rows
+    width, stride = columns[1] + 2, columns[0] + 2
+    index = dr.arange(mi.UInt32, width * (rows[1] + 2))
+    row, column = mi.Int32(index // width), mi.Int32(index % width)
+    place = column if by_row else row
+    # First tap: texel k of the coarser side covers texels 2k − 1 and 2k of the finer one, borders counted
+    first = (2 * place - len(kernel) // 2) if halves else (place - len(kernel) // 2)
     total = mi.Vector4f(0)
-    weights = _taps()
-    for i, down in enumerate(weights):
-        row = first_row + i
-        for j, right in enumerate(weights):
-            column = first_column + j
-            inside = (row >= 0) & (row < stride) & (column >= 0) & (column < stride)
-            total += float(down * right) * dr.gather(mi.Vector4f, finer, mi.UInt32(row * stride + column), inside)
+    for k, weight in enumerate(kernel):
+        at = first + k
+        inside = (at >= 0) & (at < before + 2)
+        texel = row * stride + at if by_row else at * stride + column
+        total += float(weight) * dr.gather(mi.Vector4f, source, mi.UInt32(texel), inside)
     return _stored(total)
 
 
-def _collapsed(level: mi.Float, coarser: mi.Float | None, weight: CosineTable, resolution: int) -> mi.Vector4f:
-    """One step of the collapse: weighted radiance of this level, plus the sum of all coarser ones (eq. 29)."""
+def taps(before: tuple[int, float], after: tuple[int, float]) -> NDArray[np.float64]:
+    """Kernel between two levels of `LADDER`: samples of a Gaussian whose variance, cut off, is what is to be added.
+
+    Examples
+    --------
+    >>> kernel = taps((0, 0.25), (0, 1.0))
+    >>> len(kernel), round(float(kernel @ np.arange(-2, 3.0) ** 2), 6)
+    (5, 0.75)
+    """
+    count = _TAPS[int(after[0] > before[0])]
+    places = np.arange(count) - (count - 1) / 2
+    added = (after[1] - before[1]) / 4.0 ** before[0]
+
+    def kernel(variance: float) -> NDArray[np.float64]:
+        weights = np.exp(-0.5 * places**2 / variance)
+        return np.asarray(weights / weights.sum())
+
+    return kernel(float(brentq(lambda variance: kernel(variance) @ places**2 - added, 1e-2, 1e3)))
+
+
+def _collapsed(
+    levels: list[tuple[mi.Float, CosineTable]], coarser: mi.Float | None, resolution: int
+) -> mi.Vector4f:
+    """One step of the collapse: weighted radiance of the levels of one size, plus the sum of all coarser ones."""
     p = within_disk(half_vector_texels(resolution, border=1))
-    share = weight.at(half_vector(p).z)
-    light = lookup(level, resolution, p * share.w)
-    total = mi.Vector4f(share.x * light.x, share.y * light.y, share.z * light.z, 0) / dr.maximum(light.w, 1e-6)
-    if coarser is not None:
-        total += lookup(coarser, resolution // 2, p)
-    return total
+    cosine = half_vector(p).z
+    total = mi.Vector4f(0)
+    for level, weight in levels:
+        share = weight.at(cosine)
+        light = lookup(level, p * share.w, resolution)
+        total += mi.Vector4f(share.x * light.x, share.y * light.y, share.z * light.z, 0) / dr.maximum(light.w, 1e-6)
+    return total if coarser is None else total + lookup(coarser, p, resolution // 2)
 
 
 def _stored(texels: mi.Vector4f) -> mi.Float:
     flat = dr.ravel(texels)
     dr.eval(flat)
     return flat
-
-
-def _offsets() -> NDArray[np.float64]:
-    return np.arange(_TAPS, dtype=np.float64) - (_TAPS - 1) / 2
-
-
-def _taps() -> NDArray[np.float64]:
-    weights = np.exp(-0.5 * _offsets() ** 2 / _ADDED)
-    return np.asarray(weights / weights.sum())

@@ -66,12 +66,12 @@ def interpolated(n: mi.Vector3f, *fetches: Callable[[mi.UInt32], _V]) -> list[_V
 
 @dataclass(eq=False)
 class PolarGrid:
-    """Weighted radiance and weight of wide Gaussians at the nodes of one map.
+    """Radiance at the nodes of one map.
 
     Attributes
     ----------
     nodes : mi.Float
-        Two packets of four floats a node, flat: (radiance RGB, weight R), (weight G, weight B, 0, 0).
+        RGB0 of each node, flat.
     """
 
     nodes: mi.Float
@@ -82,21 +82,11 @@ class PolarGrid:
         return node_normals(dr.arange(mi.UInt32, NODES))
 
     @classmethod
-    def of(cls, light: mi.Color3f, weight: mi.Color3f) -> PolarGrid:
-        """Store weighted radiance [W sr⁻¹ m⁻²] and weight, one node of `normals` a lane."""
-        first = mi.Vector4f(light.x, light.y, light.z, weight.x)
-        second = mi.Vector4f(weight.y, weight.z, 0, 0)
-        nodes = dr.empty(mi.Float, 8 * NODES)
-        index = dr.arange(mi.UInt32, NODES)
-        dr.scatter(nodes, first, 2 * index)
-        dr.scatter(nodes, second, 2 * index + 1)
-        return cls(nodes)
+    def of(cls, radiance: mi.Color3f) -> PolarGrid:
+        """Store the radiance [W sr⁻¹ m⁻²], one node of `normals` a lane."""
+        return cls(dr.ravel(mi.Vector4f(radiance.x, radiance.y, radiance.z, 0)))
 
-    def lookup(self, n: mi.Vector3f) -> tuple[mi.Color3f, mi.Color3f]:
-        """Weighted radiance [W sr⁻¹ m⁻²] and weight at normals in the map's frame."""
-        first, second = interpolated(
-            n,
-            lambda node: dr.gather(mi.Vector4f, self.nodes, 2 * node),
-            lambda node: dr.gather(mi.Vector4f, self.nodes, 2 * node + 1),
-        )
-        return mi.Color3f(first.x, first.y, first.z), mi.Color3f(first.w, second.x, second.y)
+    def lookup(self, n: mi.Vector3f) -> mi.Color3f:
+        """Radiance [W sr⁻¹ m⁻²] at normals in the map's frame."""
+        (found,) = interpolated(n, lambda node: dr.gather(mi.Vector4f, self.nodes, node))
+        return mi.Color3f(found.x, found.y, found.z)

@@ -91,7 +91,7 @@ class ResidualMethod(WarpBlend):
         """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
         frame = frame_of(v)
         local = frame.T @ n
-        radiance = self._predicted_at(n, v, local.z)
+        radiance = self._predicted_at(n, v)
         if self.delta_lights is not None:
             radiance += self.delta_lights.radiance(n, v)
         if self.uses_maps:
@@ -162,8 +162,8 @@ class ResidualMethod(WarpBlend):
         """
         raise NotImplementedError
 
-    def _predicted_at(self, n: mi.Vector3f, v: mi.Vector3f, cosine: mi.Float) -> mi.Color3f:
-        """Prediction P [W sr⁻¹ m⁻²] for pairs of normal and view, without delta lights; `cosine` is n·v."""
+    def _predicted_at(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
+        """Prediction P [W sr⁻¹ m⁻²] for pairs of normal and view, without delta lights."""
         raise NotImplementedError
 
 

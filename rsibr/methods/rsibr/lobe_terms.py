@@ -1,0 +1,121 @@
+"""Terms of the prediction: each Gaussian and each matte part of all lobes, with its share of the lobe's albedo by angle.
+
+A lobe k predicts P_k = E_k Σ_j (u_kj/Σ u_kj) Λ_kj: the directional albedo E_k of the true BRDF, shared out in
+proportion to the energies u_kj of the terms of its shape, times the mean light Λ_kj over each term's kernel. The methods
+differ only in how they gather Λ. Equation numbers are those of docs/method.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.lobes.albedo import node_cosines
+from rsibr.lobes.facet_moments import FacetMoments, cosines, facet_moments, matte_energy
+from rsibr.lobes.gaussians import LobeShape
+
+Array = NDArray[np.float64]
+
+Lobe = tuple[LobeShape, Array]
+"""Shape of a lobe, and its directional albedo, shape (albedo nodes, 3)."""
+
+WIDE = 0.15
+"""Standard deviation of slopes from which a Gaussian is wide: its light varies slowly with normal and view."""
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianTerm:
+    """One Gaussian of a lobe.
+
+    Attributes
+    ----------
+    sigma : float
+        Standard deviation of its slopes.
+    alpha : float
+        Roughness α of its masking.
+    plain, grazing : ndarray, shape (3,)
+        Its weights in the fit; see `rsibr.lobes.gaussians.Gaussians`.
+    is_coated : bool
+        Whether its microfacets lie under the coat.
+    share : ndarray, shape (NODES, 3)
+        Its share of the lobe's albedo at the nodes of `rsibr.lobes.facet_moments.cosines`.
+    moments : FacetMoments
+        What is seen of it at each angle.
+    """
+
+    sigma: float
+    alpha: float
+    plain: Array
+    grazing: Array
+    is_coated: bool
+    share: Array
+    moments: FacetMoments
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether it is gathered by quadrature."""
+        return self.sigma >= WIDE
+
+
+@dataclass(frozen=True, eq=False)
+class MatteTerm:
+    """Matte part of a lobe: its weights (2, 3) as in `LobeShape.matte`, and its share of the albedo (NODES, 3)."""
+
+    weights: Array
+    share: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LobeTerms:
+    """All terms of a material's lobes, delta lobes excepted.
+
+    Attributes
+    ----------
+    gaussians : list of GaussianTerm
+    matte : list of MatteTerm
+        At most one a lobe.
+    """
+
+    gaussians: list[GaussianTerm]
+    matte: list[MatteTerm]
+
+    @classmethod
+    def of(cls, lobes: Sequence[Lobe], part: LobeShape | None = None) -> LobeTerms:
+        """Make the terms of `lobes`; with `part`, all but those of that one shape have a share of zero."""
+        gaussians, matte = list[GaussianTerm](), list[MatteTerm]()
+        for shape, albedo in lobes:
+            if shape.is_mirror:
+                continue
+            wanted = albedo_at_nodes(albedo) if part in (None, shape) else np.zeros((len(cosines()), 3))
+            moments, flat = facet_moments(shape), matte_energy(shape.matte)
+            energy = sum((one.weight for one in moments), start=flat)
+            scale = wanted / np.maximum(energy, 1e-30)
+            weighed = [(shape.bare, k, False) for k in range(len(shape.bare))]
+            weighed += [(shape.coated, k, True) for k in range(len(shape.coated))]
+            for (mixture, k, coated), seen in zip(weighed, moments, strict=True):
+                plain, grazing = mixture.plain[k], mixture.grazing[k]
+                share = seen.weight * scale
+                term = GaussianTerm(float(mixture.sigmas[k]), shape.alpha, plain, grazing, coated, share, seen)
+                gaussians.append(term)
+            if shape.has_matte:
+                matte.append(MatteTerm(shape.matte, flat * scale))
+        return cls(gaussians, matte)
+
+    @property
+    def narrow(self) -> list[GaussianTerm]:
+        """Gaussians narrower than `WIDE`."""
+        return [term for term in self.gaussians if not term.is_wide]
+
+    @property
+    def wide(self) -> list[GaussianTerm]:
+        """Gaussians from `WIDE` on."""
+        return [term for term in self.gaussians if term.is_wide]
+
+
+def albedo_at_nodes(albedo: Array) -> Array:
+    """Resample a table of directional albedo (`rsibr.lobes.albedo`) to the nodes of the moments, shape (NODES, 3)."""
+    place = np.sqrt(cosines())
+    return np.stack([np.interp(place, np.sqrt(node_cosines()), channel) for channel in albedo.T], axis=1)
