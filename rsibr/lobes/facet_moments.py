@@ -6,24 +6,19 @@ slopes is narrower, and its mean leans toward the viewer: the off-specular peak 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.refraction import emerging, refracted
-from rsibr.lobes.basis import COAT_IOR
 from rsibr.lobes.gaussians import Gaussians, LobeShape
-from rsibr.lobes.microfacet import LEAST_COSINE, schlick, smith_denominator, transmitted
+from rsibr.lobes.microfacet import schlick, transmitted
+from rsibr.lobes.visible_facets import Seen, seen_bare, seen_coated
 
 NODES = 33
 """View angles, uniform in √cos θ."""
 
 Array = NDArray[np.float64]
-
-_Seen = Callable[[Array, Array, float], tuple[Array, Array]]
-"""(viewer, microfacets, α) → share of the light that each reflects to the viewer; equivalent microfacets outside."""
 
 _GRAZING_NODE = 2e-3  # cosine of the first node: at 0 every microfacet is masked
 _RADII, _TURNS = 24, 24  # points of the quadrature over a Gaussian
@@ -76,8 +71,8 @@ def facet_moments(shape: LobeShape) -> list[FacetMoments]:
     2007, eq. 20 and 38, in slopes); under a coat in the refracted directions, as in `rsibr.lobes.basis.coated_ggx`.
     """
     return [
-        *_moments(shape.bare, shape.alpha, _seen_bare),
-        *_moments(shape.coated, shape.alpha, _seen_coated),
+        *_moments(shape.bare, shape.alpha, seen_bare),
+        *_moments(shape.coated, shape.alpha, seen_coated),
     ]
 
 
@@ -96,12 +91,12 @@ def matte_energy(matte: Array) -> Array:
     return np.asarray(matte[0] + matte[1] * _TRANSMITTED * transmitted(cosines(), np)[:, None])
 
 
-def _moments(gaussians: Gaussians, alpha: float, seen: _Seen) -> list[FacetMoments]:
+def _moments(gaussians: Gaussians, alpha: float, seen: Seen) -> list[FacetMoments]:
     terms = zip(gaussians.sigmas, gaussians.plain, gaussians.grazing, strict=True)
     return [_of_one(sigma, plain, grazing, alpha, seen) for sigma, plain, grazing in terms]
 
 
-def _of_one(sigma: float, plain: Array, grazing: Array, alpha: float, seen: _Seen) -> FacetMoments:
+def _of_one(sigma: float, plain: Array, grazing: Array, alpha: float, seen: Seen) -> FacetMoments:
     # Quadrature over the Gaussian of slopes: equal-probability rings times azimuths
     quantile = (np.arange(_RADII) + 0.5) / _RADII
     radius = max(sigma, _NARROWEST) * np.sqrt(-2 * np.log1p(-quantile))[:, None]
@@ -134,34 +129,3 @@ def _middle(facet: Array, share: Array) -> tuple[Array, Array]:
     lean = mean(along)
     along_variance = mean((along - lean[:, None, None]) ** 2)
     return lean, np.sqrt(np.sqrt(along_variance * mean(across**2)))
-
-
-def _seen_bare(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
-    """Share of the light that a microfacet on the surface reflects to the viewer; the microfacet."""
-    share, _ = _reflected(viewer, facet, alpha)
-    return share, np.broadcast_to(facet, (*share.shape, 3))
-
-
-def _seen_coated(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
-    """The same for a microfacet under the coat, and the microfacet outside that reflects into the same direction."""
-    below, _ = _direction(*refracted(viewer[..., 0], viewer[..., 1], COAT_IOR))
-    share, light = _reflected(below, facet, alpha)
-    outer_light, escapes = _direction(*emerging(light[..., 0], light[..., 1], COAT_IOR))
-    through = transmitted(outer_light[..., 2], np) * transmitted(viewer[..., 2], np)
-    half = outer_light + viewer
-    half /= np.linalg.norm(half, axis=-1, keepdims=True)
-    return np.where(escapes, share * through, 0.0), half
-
-
-def _reflected(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
-    """Share of the light that a microfacet reflects to the viewer, and the direction to that light."""
-    toward = (facet * viewer).sum(axis=-1)
-    light = 2 * toward[..., None] * facet - viewer
-    cos_i, cos_o = np.maximum(light[..., 2], LEAST_COSINE), viewer[..., 2]
-    share = 2 * cos_i * toward / (smith_denominator(cos_i, cos_o, alpha, np) * facet[..., 2])
-    return np.where((toward > 0) & (light[..., 2] > 0), share, 0.0), light
-
-
-def _direction(x: Array, y: Array, height_squared: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Unit direction from what `refracted` and `emerging` return, and whether it passes the interface."""
-    return np.stack([x, y, np.sqrt(np.maximum(height_squared, 1e-6))], axis=-1), height_squared > 0

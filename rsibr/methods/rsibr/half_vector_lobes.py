@@ -15,7 +15,7 @@ from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.rsibr.anisotropic_footprint import AnisotropicFootprint, ShadingFrame
 from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe
 from rsibr.methods.rsibr.half_vector_map import half_vector_point
-from rsibr.methods.rsibr.half_vector_pyramid import balance, gathered, lookup
+from rsibr.methods.rsibr.half_vector_pyramid import HalfVectorPyramid, balance, balanced, lookup
 from rsibr.methods.rsibr.lobe_integral import mirror_of
 from rsibr.methods.rsibr.lobe_terms import Lobe, LobeTerms
 from rsibr.methods.rsibr.lobe_weights import lobe_weights
@@ -76,17 +76,18 @@ class HalfVectorLobes:
             levels=tables if whole.has_levels else [],
             balance=balance(all_tables) if whole.has_levels else mi.Float(0),  # of the whole, so that parts add up
             sharp=CosineTable.of(weights.sharp) if weights.has_sharp else None,
-            wide=WideLight.of(terms.gaussians, parts.gaussians, pyramid),
+            wide=WideLight.of(terms.gaussians, parts.gaussians),
             mirror=mirror_of(lobes, pyramid, light, part, density),
             matte=MatteLight.of(parts.matte, light),
         )
 
     def tables(self, frame: mi.Matrix3f) -> MapTables:
         """Gather the light of the Gaussians over the map with `frame`, columns x, y, v; for `radiance`."""
-        return (
-            gathered(frame, self.light, self.levels, self.balance) if self.levels else None,
-            None if self.wide is None else self.wide.grid(frame),
-        )
+        if not self.levels and self.wide is None:
+            return None, None
+        pyramid = HalfVectorPyramid.of(frame, self.light)
+        grid = None if self.wide is None else self.wide.grid(pyramid)
+        return balanced(pyramid, self.levels, self.balance) if self.levels else None, grid
 
     def radiance(
         self, n: mi.Vector3f, frame: mi.Matrix3f, tables: MapTables, spacing: mi.Float, mirror: bool = True
@@ -118,7 +119,7 @@ class HalfVectorLobes:
             found = lookup(half_vectors, half_vector_point(n))
             radiance += mi.Color3f(found.x, found.y, found.z)
         if self.wide is not None and grid is not None:
-            radiance += self.wide.radiance_in_map(n, grid)
+            radiance += self.wide.radiance(n, grid)
         # ---- Matte parts: irradiance at the normal ----
         world = frame @ n
         for matte in self.matte:

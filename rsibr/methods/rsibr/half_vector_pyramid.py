@@ -11,6 +11,7 @@ docs/method.md, section 7, derives the method; equation numbers below are those 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import drjit as dr
@@ -31,6 +32,12 @@ RESOLUTION = 96
 LADDER = ((0, 0.25), (0, 1.0), (0, 2.0), (1, 4.0), (1, 8.0), (2, 16.0), (2, 32.0), (3, 64.0))
 """For each level, how often its side is halved, and its variance before lookups [texels² of level 0]."""
 
+SIDES = tuple(RESOLUTION >> halvings for halvings, _ in LADDER)
+"""Texels a side of each level."""
+
+STARTS = tuple(sum((side + 2) ** 2 for side in SIDES[:level]) for level in range(len(SIDES)))
+"""Index of the first texel of each level."""
+
 _TAPS = 5, 6  # of a blur along each axis: at the same resolution, and to half of it
 _LOOKUP = 1 / 6  # variance of a bilinear lookup (tent filter) in texels²
 _UPSAMPLED = 3 / 16  # the same a quarter of a texel off the centres
@@ -47,35 +54,79 @@ def level_variances() -> NDArray[np.float64]:
     )
 
 
+def lookup_variances() -> NDArray[np.float64]:
+    """Variance of a bilinear lookup in each level itself, in texels² of level 0, shape (levels,)."""
+    return np.array([variance + _LOOKUP * 4.0**halvings for halvings, variance in LADDER])
+
+
 def texel_angle(polar_angle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Angle [rad] between neighbouring texels of level 0 at a polar angle [rad] from v; eq. 4."""
     return np.asarray(4 / RESOLUTION * np.cos(polar_angle / 2) ** 2)
 
 
-def gathered(
-    frame: mi.Matrix3f, light: EnvironmentPyramid, weights: list[CosineTable], balance: mi.Float
-) -> mi.Float:
-    """Build and collapse the pyramid: radiance of all narrow Gaussians over the half-vector map of a viewer.
+@dataclass(eq=False)
+class HalfVectorPyramid:
+    """Levels of the reflected environment over the half-vector map of one view.
 
-    Parameters
+    Attributes
     ----------
-    frame : mi.Matrix3f
-        Frame of the map, columns x, y, v.
-    light : EnvironmentPyramid
-        Gaussian pyramid of the environment.
-    weights : list of CosineTable
-        For each level, by cosine of the surface angle: weight g_ℓ (RGB), and the radius factor φ_ℓ that moves the
-        lookup to the centre of the visible lobe (eq. 28).
-    balance : mi.Float
-        Factors β from `balance` for the same weights.
-
-    Returns
-    -------
-    mi.Float
-        RGBA of the half-vector map with a border of one texel, flat, for `lookup`: Σ_ℓ g_ℓ · radiance [W sr⁻¹ m⁻²].
+    texels : mi.Float
+        RGBA of all levels, one after the other, each with a border of one texel, flat: radiance times h·v, and h·v.
     """
-    total = _summed(_mirrored(frame, light), weights)
-    return _stored(total * dr.gather(mi.Vector4f, balance, dr.arange(mi.UInt32, (RESOLUTION + 2) ** 2)))
+
+    texels: mi.Float
+
+    @classmethod
+    def of(cls, frame: mi.Matrix3f, light: EnvironmentPyramid) -> HalfVectorPyramid:
+        """Build the levels for a viewer.
+
+        Parameters
+        ----------
+        frame : mi.Matrix3f
+            Frame of the map, columns x, y, v.
+        light : EnvironmentPyramid
+            Gaussian pyramid of the environment.
+        """
+        return cls._over(_mirrored(frame, light))
+
+    @classmethod
+    def even(cls) -> HalfVectorPyramid:
+        """Levels under a constant environment of radiance 1."""
+        return cls._over(_stored(mi.Vector4f(dr.maximum(half_vector(half_vector_texels(RESOLUTION, border=1)).z, 0))))
+
+    @classmethod
+    def _over(cls, finest: mi.Float) -> HalfVectorPyramid:
+        levels = [finest]
+        for finer, coarser in pairwise(LADDER):
+            levels.append(_blurred(levels[-1], finer, coarser))
+        return cls(dr.concat(levels))
+
+    def collapsed(self, weights: list[CosineTable]) -> mi.Vector4f:
+        """Weighted sum of all levels over the texels of level 0, from the coarsest size to the finest (eq. 29).
+
+        Parameters
+        ----------
+        weights : list of CosineTable
+            For each level, by cosine of the surface angle: weight g_ℓ (RGB), and the radius factor φ_ℓ that moves the
+            lookup to the centre of the visible lobe (eq. 28).
+        """
+        total = None
+        for halvings in range(LADDER[-1][0], -1, -1):
+            members = [(STARTS[m], weights[m]) for m, (size, _) in enumerate(LADDER) if size == halvings]
+            coarser = None if total is None else _stored(total)
+            total = _collapsed(self.texels, members, coarser, RESOLUTION >> halvings)
+        return total
+
+    def light(self, p: mi.Point2f, start: mi.UInt32, side: mi.UInt32) -> mi.Color3f:
+        """Mean radiance [W sr⁻¹ m⁻²] around map points in the unit disk, each in a level of `STARTS` and `SIDES`."""
+        found = lookup(self.texels, p, side, start)
+        return mi.Color3f(found.x, found.y, found.z) / dr.maximum(found.w, 1e-6)
+
+
+def balanced(pyramid: HalfVectorPyramid, weights: list[CosineTable], balance: mi.Float) -> mi.Float:
+    """Collapse the pyramid and multiply by the factors β of `balance`: RGBA over the map with its border, flat."""
+    texel = dr.arange(mi.UInt32, (RESOLUTION + 2) ** 2)
+    return _stored(pyramid.collapsed(weights) * dr.gather(mi.Vector4f, balance, texel))
 
 
 def balance(weights: list[CosineTable]) -> mi.Float:
@@ -87,23 +138,24 @@ def balance(weights: list[CosineTable]) -> mi.Float:
     Parameters
     ----------
     weights : list of CosineTable
-        As in `gathered`.
+        As in `HalfVectorPyramid.collapsed`.
 
     Returns
     -------
     mi.Float
         RGBA of the map with its border, flat; A is unused.
     """
-    p = half_vector_texels(RESOLUTION, border=1)
-    even = _summed(_stored(mi.Vector4f(dr.maximum(half_vector(p).z, 0))), weights)
-    cosine = half_vector(within_disk(p)).z
+    even = HalfVectorPyramid.even().collapsed(weights)
+    cosine = half_vector(within_disk(half_vector_texels(RESOLUTION, border=1))).z
     wanted = mi.Vector4f(0)
     for weight in weights:
         wanted += weight.at(cosine)
     return _stored(wanted / dr.maximum(even, 1e-20))
 
 
-def lookup(texels: mi.Float, p: mi.Point2f, resolution: int = RESOLUTION) -> mi.Vector4f:
+def lookup(
+    texels: mi.Float, p: mi.Point2f, resolution: mi.UInt32 | int = RESOLUTION, start: mi.UInt32 | int = 0
+) -> mi.Vector4f:
     """Bilinear lookup in a half-vector map of G×G texels with a border of one texel.
 
     Parameters
@@ -112,35 +164,24 @@ def lookup(texels: mi.Float, p: mi.Point2f, resolution: int = RESOLUTION) -> mi.
         RGBA, row-major, flat.
     p : mi.Point2f
         Map points in the unit disk.
-    resolution : int
+    resolution : mi.UInt32 or int
         Texels a side without the border, G.
+    start : mi.UInt32 or int
+        Index of the map's first texel.
 
     Returns
     -------
     mi.Vector4f
         RGBA.
     """
-    stride, cell = resolution + 2, BilinearCell.in_sphere_map(p, 0.5 * resolution)
-    corner = cell.corner(stride)
+    stride, cell = resolution + 2, BilinearCell.in_sphere_map(p, 0.5 * mi.Float(resolution))
+    corner = cell.corner(stride) + start
 
-    def texel(offset: int) -> mi.Vector4f:
+    def texel(offset: mi.UInt32 | int) -> mi.Vector4f:
         return dr.gather(mi.Vector4f, texels, corner + offset)
 
     upper = dr.lerp(texel(0), texel(1), cell.rightward)
     return dr.lerp(upper, dr.lerp(texel(stride), texel(stride + 1), cell.rightward), cell.downward)
-
-
-def _summed(finest: mi.Float, weights: list[CosineTable]) -> mi.Vector4f:
-    """Build the pyramid over level 0 (`finest`), and collapse it from the coarsest size to the finest (eq. 29)."""
-    levels = [finest]
-    for finer, coarser in pairwise(LADDER):
-        levels.append(_blurred(levels[-1], finer, coarser))
-    total = None
-    for halvings in range(LADDER[-1][0], -1, -1):
-        members = [level for level, (size, _) in enumerate(LADDER) if size == halvings]
-        coarser_sum = None if total is None else _stored(total)
-        total = _collapsed([(levels[m], weights[m]) for m in members], coarser_sum, RESOLUTION >> halvings)
-    return total
 
 
 def _mirrored(frame: mi.Matrix3f, light: EnvironmentPyramid) -> mi.Float:
@@ -211,15 +252,15 @@ def taps(before: tuple[int, float], after: tuple[int, float]) -> NDArray[np.floa
 
 
 def _collapsed(
-    levels: list[tuple[mi.Float, CosineTable]], coarser: mi.Float | None, resolution: int
+    texels: mi.Float, levels: list[tuple[int, CosineTable]], coarser: mi.Float | None, resolution: int
 ) -> mi.Vector4f:
     """One step of the collapse: weighted radiance of the levels of one size, plus the sum of all coarser ones."""
     p = within_disk(half_vector_texels(resolution, border=1))
     cosine = half_vector(p).z
     total = mi.Vector4f(0)
-    for level, weight in levels:
+    for start, weight in levels:
         share = weight.at(cosine)
-        light = lookup(level, p * share.w, resolution)
+        light = lookup(texels, p * share.w, resolution, start)
         total += mi.Vector4f(share.x * light.x, share.y * light.y, share.z * light.z, 0) / dr.maximum(light.w, 1e-6)
     return total if coarser is None else total + lookup(coarser, p, resolution // 2)
 

@@ -22,10 +22,12 @@ from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.rsibr.anisotropic_footprint import ShadingFrame
 from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe
+from rsibr.methods.rsibr.half_vector_pyramid import HalfVectorPyramid
 from rsibr.methods.rsibr.lobe_terms import Lobe, LobeTerms, albedo_at_nodes
 from rsibr.methods.rsibr.matte_light import MatteLight
 from rsibr.methods.rsibr.narrow_gaussians import NarrowGaussians
 from rsibr.methods.rsibr.polar_grid import PolarGrid
+from rsibr.methods.rsibr.view_nodes import ViewNodes
 from rsibr.methods.rsibr.wide_light import WideLight
 
 
@@ -52,6 +54,7 @@ class LobeIntegral:
     wide: WideLight | None
     matte: list[MatteLight]
     mirror: tuple[DeltaLobe, CosineTable] | None
+    nodes: ViewNodes | None = None
 
     @classmethod
     def of(
@@ -61,7 +64,6 @@ class LobeIntegral:
         light: Light,
         part: LobeShape | None = None,
         density: float = ROUGH,
-        wide: WideLight | None = None,
     ) -> LobeIntegral:
         """Put the lobes on the device.
 
@@ -75,14 +77,12 @@ class LobeIntegral:
             Predict this one of `lobes` only; the parts of all lobes add up to the whole.
         density : float
             Sampling density of a delta lobe: `EXACT` or `ROUGH`, see `DeltaLobe.of`.
-        wide : WideLight, optional
-            That of the same lobes and part, if it was made before.
         """
         terms, parts = LobeTerms.of(lobes), LobeTerms.of(lobes, part)
         return cls(
             environment=pyramid,
             narrow=NarrowGaussians.of(terms.gaussians, parts.gaussians),
-            wide=wide or WideLight.of(terms.gaussians, parts.gaussians, pyramid),
+            wide=WideLight.of(terms.gaussians, parts.gaussians),
             matte=MatteLight.of(parts.matte, light),
             mirror=mirror_of(lobes, pyramid, light, part, density),
         )
@@ -108,14 +108,21 @@ class LobeIntegral:
             mirrored, share = self.mirror
             radiance += share.colour(cosine) * mirrored.fetch(2 * cosine * n - v)
         if self.wide is not None:
-            radiance += self.wide.radiance(n, v, cosine)
+            self.prepare_points()
+            assert self.nodes is not None
+            radiance += self.nodes.radiance(n, v, cosine)
         if self.narrow is not None:
             radiance += self.narrow.radiance(ShadingFrame.of(n, v), mi.Float(0), self.environment)
         return radiance
 
     def grid(self, frame: mi.Matrix3f) -> PolarGrid | None:
         """Light of the wide Gaussians over the map with `frame`, columns x, y, v; None if there are none."""
-        return None if self.wide is None else self.wide.grid(frame)
+        return None if self.wide is None else self.wide.grid(HalfVectorPyramid.of(frame, self.environment))
+
+    def prepare_points(self) -> None:
+        """Make what `radiance` needs beyond the tables of maps: the view nodes of the wide Gaussians."""
+        if self.wide is not None and self.nodes is None:
+            self.nodes = ViewNodes.of(self.wide, self.environment)
 
     def radiance_in_map(
         self, n: mi.Vector3f, frame: mi.Matrix3f, grid: PolarGrid | None, spacing: mi.Float, mirror: bool = True
@@ -147,7 +154,7 @@ class LobeIntegral:
             mirrored, share = self.mirror
             radiance += mirrored.mean_over_texel(n, frame, spacing, share.colour)
         if self.wide is not None and grid is not None:
-            radiance += self.wide.radiance_in_map(n, grid)
+            radiance += self.wide.radiance(n, grid)
         if self.narrow is not None:
             shading = ShadingFrame.of(world, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
             radiance += self.narrow.radiance(shading, spacing, self.environment)

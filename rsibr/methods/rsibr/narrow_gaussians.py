@@ -14,7 +14,7 @@ from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.lobes.facet_moments import NODES
 from rsibr.methods.rsibr.anisotropic_footprint import AnisotropicFootprint, ShadingFrame, tap_spreads
 from rsibr.methods.rsibr.lobe_terms import GaussianTerm
-from rsibr.methods.rsibr.slope_quadrature import reflected
+from rsibr.methods.rsibr.microfacet_reflection import reflected
 
 _PACKETS = 3  # a Gaussian: (α, is coated, 0, 0), plain weight, grazing weight
 

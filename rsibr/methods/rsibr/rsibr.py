@@ -83,7 +83,7 @@ def rsibr(
     prepared = HalfVectorLobes.of(lobes, inputs.pyramid, inputs.light, part, options.mirror_density)
 
     def points() -> RsibrFine:
-        integral = lobe_integral(options, prepared.wide)
+        integral = lobe_integral(options)
         return residual_method(RsibrFine, "rsibr", options, weights, integral=integral)
 
     return residual_method(Rsibr, "rsibr", options, weights, lobes=prepared, points=points)

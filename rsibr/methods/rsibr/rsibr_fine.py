@@ -12,7 +12,6 @@ from rsibr.methods.registry import register
 from rsibr.methods.rsibr.lobe_integral import LobeIntegral
 from rsibr.methods.rsibr.polar_grid import PolarGrid
 from rsibr.methods.rsibr.residual_method import ResidualMethod, ResidualOptions, residual_method
-from rsibr.methods.rsibr.wide_light import WideLight
 
 
 @dataclass(eq=False, repr=False)
@@ -64,9 +63,9 @@ def rsibr_fine(
     return residual_method(RsibrFine, "rsibr-fine", options, weights, integral=lobe_integral(options))
 
 
-def lobe_integral(options: ResidualOptions, wide: WideLight | None = None) -> LobeIntegral:
-    """Reflection integral of all lobes, or of `options.lobe` where that is set; `wide` as in `LobeIntegral.of`."""
+def lobe_integral(options: ResidualOptions) -> LobeIntegral:
+    """Reflection integral of all lobes, or of `options.lobe` where that is set."""
     inputs = options.inputs
     part = inputs.shapes[options.lobe][0] if options.lobe else None
     lobes = list(inputs.shapes.values())
-    return LobeIntegral.of(lobes, inputs.pyramid, inputs.light, part, options.mirror_density, wide)
+    return LobeIntegral.of(lobes, inputs.pyramid, inputs.light, part, options.mirror_density)

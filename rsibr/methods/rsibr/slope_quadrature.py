@@ -1,144 +1,129 @@
-"""Quadrature over the slopes of wide Gaussians: mean light over their kernels for a surface and a view."""
+"""Quadrature over the slopes of wide Gaussians, at the rings of a polar grid of normals.
+
+At every normal of a ring the points are the same up to a rotation about the view. Each is a place in the half-vector
+map and a weight; the light there is a lookup in the level of the half-vector pyramid that is as wide as the point's
+share of the slopes. The tables depend on the material alone. See docs/method.md, section 6.2.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.refraction import emerging
-from rsibr.geometry.to_device import to_device
-from rsibr.light.environment_pyramid import EnvironmentPyramid
-from rsibr.lobes.basis import COAT_IOR, under_coat
-from rsibr.lobes.microfacet import LEAST_COSINE, schlick, smith_denominator, transmitted
-from rsibr.methods.rsibr.anisotropic_footprint import ShadingFrame
-from rsibr.methods.rsibr.lobe_terms import GaussianTerm
+from rsibr.geometry.refraction import refracted
+from rsibr.lobes.basis import COAT_IOR
+from rsibr.lobes.facet_moments import cosines
+from rsibr.lobes.microfacet import schlick
+from rsibr.lobes.visible_facets import seen_bare, seen_coated
+from rsibr.methods.rsibr.half_vector_pyramid import lookup_variances, texel_angle
+from rsibr.methods.rsibr.lobe_terms import WIDE, GaussianTerm
+from rsibr.methods.rsibr.polar_grid import RINGS
 
 Array = NDArray[np.float64]
 
 POINTS = 96
-"""Points of the quadrature over the Gaussians of one lobe that lie alike under the coat or bare."""
+"""Points for the Gaussians of one lobe that lie within a factor of two in width."""
 
-_FILLING = 1.0  # standard deviation of a point's blur over the radius of a disk of its solid angle
+_FAINTEST = 1e-3  # share of the wide light below which a set of points is left out
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
-_ROW = 12  # floats a point: slope x, slope y, area, α; plain RGB, 0; grazing RGB, 0
+_LEAST_COSINE = 2e-3  # of the last ring, whose normals are at right angles to the view
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class SlopeQuadrature:
-    """Points on the device, one set for the bare and one for the coated Gaussians.
+    """Points at each ring.
 
     Attributes
     ----------
-    bare, coated : mi.Float
-        Twelve floats a point: slope x, slope y, area, α; plain weight RGB, 0; grazing weight RGB, 0. Flat; at least one
-        point (zeros if there is none).
-    bare_count, coated_count : mi.UInt32
-        Number of points (opaque, so that all materials share kernels).
+    places : ndarray, shape (RINGS + 1, points, 2)
+        Places in the half-vector map for the normal at azimuth 0.
+    levels : ndarray of int, shape (RINGS + 1, points)
+        Level of the half-vector pyramid.
+    weights : ndarray, shape (RINGS + 1, points, 3)
+        Weights; they add up to 1 in each channel of a ring.
     """
 
-    bare: mi.Float
-    coated: mi.Float
-    bare_count: mi.UInt32
-    coated_count: mi.UInt32
+    places: Array
+    levels: NDArray[np.int64]
+    weights: Array
 
     @classmethod
-    def of(cls, terms: Sequence[GaussianTerm]) -> SlopeQuadrature:
-        """Place the points for a few Gaussians of similar width."""
-        bare, coated = (_points([term for term in terms if term.is_coated == under]) for under in (False, True))
-        return cls(_on_device(bare), _on_device(coated), _count(bare), _count(coated))
+    def of(cls, terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm]) -> SlopeQuadrature | None:
+        """Place the points for the wide ones of `terms`, with the shares of `parts`; None if they have none.
 
-    def light(self, shading: ShadingFrame, environment: EnvironmentPyramid) -> tuple[mi.Color3f, mi.Color3f]:
-        """Weighted radiance [W sr⁻¹ m⁻²] and weight; docs/method.md, eq. 21."""
-        on, under = (
-            self._gathered(shading, environment, self.bare, self.bare_count, coated=False),
-            self._gathered(shading, environment, self.coated, self.coated_count, coated=True),
-        )
-        return on[0] + under[0], on[1] + under[1]
-
-    def _gathered(
-        self,
-        shading: ShadingFrame,
-        environment: EnvironmentPyramid,
-        points: mi.Float,
-        count: mi.UInt32,
-        *,
-        coated: bool,
-    ) -> tuple[mi.Color3f, mi.Color3f]:
-        reflect = _from_under_coat if coated else _from_surface
-
-        def gather(i: mi.UInt32, light: mi.Color3f, weight: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f, mi.Color3f]:
-            place, plain, grazing = (dr.gather(mi.Vector4f, points, 3 * i + k) for k in range(3))
-            facet = dr.normalize(mi.Vector3f(place.x, place.y, 1))
-            w, factor, grazed, stretch = reflect(shading, facet, place.w)
-            colour = factor * (_rgb(plain) + _rgb(grazing) * grazed)
-            solid_angle = stretch * facet.z * facet.z * facet.z * place.z  # eq. 21: dω_h = cos³ θ_h dm
-            width = dr.sqrt(solid_angle) * (_FILLING / np.sqrt(np.pi))
-            return i + 1, light + colour * environment.blurred(shading.to_world(w), width), weight + colour
-
-        _, light, weight = dr.while_loop(
-            state=(mi.UInt32(0), dr.zeros(mi.Color3f, 1), dr.zeros(mi.Color3f, 1)),
-            cond=lambda i, _light, _weight: i < count,
-            body=gather,
-            labels=("i", "light", "weight"),
-            label="wide_gaussians",
-        )
-        return light, weight
+        Parameters
+        ----------
+        terms, parts : sequence of GaussianTerm
+            Wide Gaussians of all lobes, and the same in the same order with the shares that count: of all lobes, or of
+            one.
+        """
+        sets = [(terms[k], parts[k]) for k in range(len(terms))]
+        groups: dict[tuple[float, bool, int], list[tuple[GaussianTerm, GaussianTerm]]] = {}
+        for term, part in sets:
+            key = term.alpha, term.is_coated, int(np.log2(term.sigma / WIDE) + 1e-9)
+            groups.setdefault(key, []).append((term, part))
+        share = {key: np.sum([part.share for _, part in members], axis=0) for key, members in groups.items()}
+        whole = np.sum(list(share.values()), axis=0) if share else np.zeros(1)
+        if not whole.any():
+            return None
+        kept = [key for key in groups if share[key].sum() > _FAINTEST * whole.sum()]
+        found = [_points([term for term, _ in groups[key]], share[key]) for key in kept]
+        places, levels, weights = (np.concatenate(column, axis=1) for column in zip(*found, strict=True))
+        return cls(places, levels, weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-30))
 
 
-def reflected(v: mi.Vector3f, facet: mi.Vector3f, alpha: mi.Float) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
-    """Reflect `v` at a microfacet: direction, weight w(h) = G₂ (h·v)/(cos θ_o cos θ_h), and Schlick's (1 − h·v)⁵.
+def _points(terms: Sequence[GaussianTerm], share: Array) -> tuple[Array, NDArray[np.int64], Array]:
+    """Places, levels and weights of one set of points at all rings; the weights add up to its share."""
+    slopes, area, plain, grazing = _spiral(terms)
+    facet = np.stack([slopes[:, 0], slopes[:, 1], np.ones(len(slopes))], axis=1)
+    facet /= np.linalg.norm(facet, axis=1, keepdims=True)
+    polar = np.arange(RINGS + 1) * (0.5 * np.pi / RINGS)
+    cosine = np.maximum(np.cos(polar), _LEAST_COSINE)
+    sine = np.sqrt(1 - cosine**2)
+    viewer = np.stack([sine, 0 * sine, cosine], axis=1)[:, None]
+    # ---- Weight of each microfacet, and the equivalent one outside a coat ----
+    coated = terms[0].is_coated
+    seen, outer = (seen_coated if coated else seen_bare)(viewer, facet, terms[0].alpha)
+    toward = np.maximum((outer * viewer).sum(axis=-1), 1e-3)
+    weights = seen[..., None] * (plain + grazing * schlick(toward, np)[..., None])
+    weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1e-30)
+    nodes = np.sqrt(cosines())
+    weights *= np.stack([np.interp(np.sqrt(cosine), nodes, channel) for channel in share.T], axis=1)[:, None]
+    # ---- Place in the half-vector map of the view: shading frame → frame of the view ----
+    x = -cosine[:, None] * outer[..., 0] + sine[:, None] * outer[..., 2]
+    z = sine[:, None] * outer[..., 0] + cosine[:, None] * outer[..., 2]
+    visible = (z > 0) & (seen > 0)
+    places = np.where(visible[..., None], np.stack([x, -outer[..., 1]], axis=-1) / (1 + np.maximum(z, 0))[..., None], 0)
+    # ---- Level as wide as the point: a disk of its solid angle has the radius √(Ω/π), blurred by as much ----
+    angle = facet[:, 2] ** 3 * area * (_outward(viewer, outer, toward, facet) if coated else 1.0)
+    width = np.sqrt(angle / np.pi) / texel_angle(np.arccos(np.clip(z, 0, 1)))
+    steps = 0.5 * np.log(lookup_variances())
+    levels = np.abs(np.log(np.maximum(width, 1e-9))[..., None] - steps).argmin(axis=-1)
+    return places, levels, np.where(visible[..., None], weights, 0)
 
-    docs/method.md, eqs. 13 and 16.
+
+def _outward(viewer: Array, outer: Array, toward: Array, facet: Array) -> Array:
+    """Solid angle of equivalent microfacets outside over that of microfacets under the coat.
+
+    Both reflect into the same light: dω_i = 4 (h·v) dω_h on either side, and η² cos θ' dω' = cos θ dω through the coat.
     """
-    toward = dr.dot(facet, v)
-    w = 2 * toward * facet - v
-    cos_i, cos_o = dr.maximum(w.z, LEAST_COSINE), v.z
-    shadowing = 2 * cos_i / smith_denominator(cos_i, cos_o, alpha)
-    factor = dr.select((toward > 0) & (w.z > 0), shadowing * toward / facet.z, 0)
-    return w, factor, schlick(toward)
+    light = np.maximum((2 * toward[..., None] * outer - viewer)[..., 2], 1e-3)
+    inner_light, inner_viewer = _below(light), _below(viewer[..., 2])
+    below = np.stack([viewer[..., 0] / COAT_IOR, 0 * inner_viewer, inner_viewer], axis=-1)
+    inner_toward = np.maximum((facet * below).sum(axis=-1), 1e-3)
+    return np.asarray(inner_toward * COAT_IOR**2 * inner_light / (light * toward))
 
 
-def _from_surface(
-    shading: ShadingFrame, facet: mi.Vector3f, alpha: mi.Float
-) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
-    """Light direction, weight, Schlick's term, and dω_i/dω_h = 4 (h·v); docs/method.md, eq. 12."""
-    w, factor, grazed = reflected(shading.v, facet, alpha)
-    return w, factor, grazed, 4 * dr.maximum(dr.dot(facet, shading.v), 1e-3)
+def _below(cosine: Array) -> Array:
+    """Cosine in the coat of a direction outside."""
+    return np.sqrt(refracted(np.sqrt(np.maximum(1 - cosine**2, 0)), 0.0, COAT_IOR)[2])
 
 
-def _from_under_coat(
-    shading: ShadingFrame, facet: mi.Vector3f, alpha: mi.Float
-) -> tuple[mi.Vector3f, mi.Float, mi.Float, mi.Float]:
-    """The same for a microfacet under the coat; docs/method.md, eqs. 14 and 16."""
-    # ---- Refract the viewer into the coat, reflect, refract out; zero under total internal reflection ----
-    inner_v = under_coat(shading.v)
-    inner, factor, _ = reflected(inner_v, facet, alpha)
-    x, y, height_squared = emerging(inner.x, inner.y, COAT_IOR)
-    w = mi.Vector3f(x, y, dr.sqrt(dr.maximum(height_squared, 1e-6)))
-    # ---- Transmittance in and out ----
-    factor = dr.select(height_squared > 0, factor * transmitted(w.z) * transmitted(shading.cosine), 0)
-    # ---- Solid angle: eq. 21, refraction out of the coat included ----
-    bent = COAT_IOR * COAT_IOR * dr.maximum(inner.z, 0) / w.z
-    return w, factor, mi.Float(0), 4 * dr.maximum(dr.dot(facet, inner_v), 1e-3) * bent
-
-
-def _points(terms: Sequence[GaussianTerm]) -> Array:
-    """Points of the Gaussians, a set for each masking (each lobe), shape (points, 12)."""
-    alphas = sorted({term.alpha for term in terms})
-    sets = [_spiral([term for term in terms if term.alpha == alpha]) for alpha in alphas]
-    return np.concatenate(sets) if sets else np.zeros((0, _ROW))
-
-
-def _spiral(terms: Sequence[GaussianTerm]) -> Array:
-    """Points on a sunflower spiral, distributed like the mixture of `terms`, each with its area in slope space.
-
-    docs/method.md, section 6.2.
-    """
+def _spiral(terms: Sequence[GaussianTerm]) -> tuple[Array, Array, Array, Array]:
+    """Slopes on a sunflower spiral, distributed like the mixture of `terms`; area of each, plain and grazing weight."""
     sigmas = np.array([term.sigma for term in terms])
     plain, grazing = (np.stack([getattr(term, name) for term in terms]) for name in ("plain", "grazing"))
     energy = np.maximum((plain + grazing).sum(axis=1), 1e-30)
@@ -150,19 +135,5 @@ def _spiral(terms: Sequence[GaussianTerm]) -> Array:
     # ---- Area of a point: 1/(M · density of the mixture) ----
     density = np.exp(-0.5 * (radius[:, None] / sigmas) ** 2) / (2 * np.pi * sigmas**2)
     area = energy.sum() / (POINTS * (density @ energy))
-    rows = np.zeros((POINTS, _ROW))
-    rows[:, :4] = np.stack([radius * np.cos(angle), radius * np.sin(angle), area, np.full(POINTS, terms[0].alpha)], 1)
-    rows[:, 4:7], rows[:, 8:11] = density @ plain * area[:, None], density @ grazing * area[:, None]
-    return rows
-
-
-def _on_device(rows: Array) -> mi.Float:
-    return to_device(mi.Float, (rows if len(rows) else np.zeros((1, _ROW))).astype(np.float32))
-
-
-def _count(rows: Array) -> mi.UInt32:
-    return dr.opaque(mi.UInt32, len(rows))
-
-
-def _rgb(values: mi.Vector4f) -> mi.Color3f:
-    return mi.Color3f(values.x, values.y, values.z)
+    slopes = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    return slopes, area, density @ plain * area[:, None], density @ grazing * area[:, None]
