@@ -32,7 +32,9 @@ COATED_FROM = 0.07
 """Standard deviation from which there is a coated term; narrower ones look the same without a coat."""
 
 _MASKINGS = (0.25, 0.6)  # roughness α of further maskings; that of the principled clear coat is 0.25
-_GOOD = 0.03
+_GOOD = 0.02
+_FEW = 6  # terms of a fit up to which widths between those of the dictionary are tried
+_FINER = 6  # steps between two widths of the dictionary
 _FAINTEST = 1e-4  # share of the energy below which a term is left out
 _FLOOR = 1e-3  # of the largest value, added to the values that a relative error refers to
 
@@ -103,16 +105,36 @@ def angle_errors(values: Array, fitted: Array, probes: ProbeDirections) -> Array
 
 
 def _with_masking(values: Array, alpha: float, with_matte: bool) -> LobeShape:
-    """Fit with the masking of roughness `alpha`."""
+    """Fit with the masking of roughness `alpha`: on the coarse dictionary, then with widths between the kept ones."""
     probes = probe_directions()
-    terms, basis = _dictionary(alpha, with_matte)
     weight = 1 / np.sqrt(probes.density[:, None] * (values + _FLOOR * values.max(axis=0, initial=1e-12) + 1e-6))
-    solved = _solved(basis, values, weight, np.arange(len(terms)))
-    energy = ((basis / probes.density[:, None]).sum(axis=0)[:, None] * solved).sum(axis=1)
+    terms, basis = _dictionary(alpha, with_matte)
+    kept, weights = _fitted(basis, values, weight)
+    found = [terms[k] for k in kept]
+    if len(kept) <= _FEW:
+        found = list(dict.fromkeys(near for term in found for near in _neighbours(term)))
+        basis = np.stack([_values(term, alpha, probes) for term in found], axis=1)
+        kept, weights = _fitted(basis, values, weight)
+        found = [found[k] for k in kept]
+    return _shape(alpha, found, weights)
+
+
+def _neighbours(term: _Term) -> list[_Term]:
+    """The term, and for a Gaussian those at finer steps to either side."""
+    if term.sigma == 0:
+        return [term]
+    steps = RATIO ** (np.arange(1 - _FINER, _FINER) / _FINER)
+    return [_Term(term.kind, float(f"{sigma:.6g}")) for sigma in term.sigma * steps]
+
+
+def _fitted(basis: Array, values: Array, weight: Array) -> tuple[NDArray[np.intp], Array]:
+    """Terms that carry energy, and their weights, shape (kept, 3)."""
+    solved = _solved(basis, values, weight, np.arange(basis.shape[1]))
+    energy = ((basis / probe_directions().density[:, None]).sum(axis=0)[:, None] * solved).sum(axis=1)
     kept = np.flatnonzero(energy > _FAINTEST * energy.sum())
     if not len(kept):  # a black lobe
         kept = np.arange(1)
-    return _shape(alpha, [terms[k] for k in kept], _solved(basis, values, weight, kept)[kept])
+    return kept, _solved(basis, values, weight, kept)[kept]
 
 
 def _solved(basis: Array, values: Array, weight: Array, used: NDArray[np.intp]) -> Array:

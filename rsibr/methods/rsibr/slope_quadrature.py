@@ -24,7 +24,7 @@ from rsibr.methods.rsibr.polar_grid import RINGS
 
 Array = NDArray[np.float64]
 
-POINTS = 96
+POINTS = 192
 """Points for the Gaussians of one lobe that lie within a factor of two in width."""
 
 _FAINTEST = 1e-3  # share of the wide light below which a set of points is left out
