@@ -29,8 +29,21 @@ from rsibr.methods.rsibr.half_vector_map import angle_per_length, half_vector, h
 RESOLUTION = 96
 """Texels a side of level 0, G; a multiple of 8. Gaussians narrower than a texel are looked up in the environment."""
 
-LADDER = ((0, 0.25), (0, 1.0), (0, 2.0), (1, 4.0), (1, 8.0), (2, 16.0), (2, 32.0), (3, 64.0))
-"""For each level, how often its side is halved, and its variance before lookups [texels² of level 0]."""
+_HALVINGS = 0, 0, 0, 1, 1, 2, 2, 3
+_LOOKUP = 1 / 6  # variance of a bilinear lookup (tent filter) in texels²
+_UPSAMPLED = 3 / 16  # the same a quarter of a texel off the centres
+
+
+def _added(halvings: int) -> float:
+    """Variance [texels² of level 0] that the lookups of the collapse add to a level of halved side."""
+    return _LOOKUP * 4.0**halvings + _UPSAMPLED * sum(4.0**k for k in range(1, halvings + 1)) + _LOOKUP
+
+
+LADDER = tuple((halvings, (0.25 + _added(0)) * 2.0**level - _added(halvings)) for level, halvings in enumerate(_HALVINGS))
+"""For each level, how often its side is halved, and its variance before lookups [texels² of level 0].
+
+After the collapse each level has twice the variance of the one before it; the first is blurred by ¼ texel².
+"""
 
 SIDES = tuple(RESOLUTION >> halvings for halvings, _ in LADDER)
 """Texels a side of each level."""
@@ -39,19 +52,12 @@ STARTS = tuple(sum((side + 2) ** 2 for side in SIDES[:level]) for level in range
 """Index of the first texel of each level."""
 
 _TAPS = 5, 6  # of a blur along each axis: at the same resolution, and to half of it
-_LOOKUP = 1 / 6  # variance of a bilinear lookup (tent filter) in texels²
-_UPSAMPLED = 3 / 16  # the same a quarter of a texel off the centres
 _LEAST_HEIGHT = 0.01  # minimum h·v in the width of the environment lookup of level 0
 
 
 def level_variances() -> NDArray[np.float64]:
     """Variance V_ℓ of each level as it appears in the collapsed map, in texels² of level 0, shape (levels,); eq. 25."""
-    return np.array(
-        [
-            variance + _LOOKUP * 4.0**halvings + _UPSAMPLED * sum(4.0**k for k in range(1, halvings + 1)) + _LOOKUP
-            for halvings, variance in LADDER
-        ]
-    )
+    return np.array([variance + _added(halvings) for halvings, variance in LADDER])
 
 
 def lookup_variances() -> NDArray[np.float64]:

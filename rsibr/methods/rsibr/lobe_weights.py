@@ -74,7 +74,7 @@ def lobe_weights(terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm]) -
         moments = term.moments
         shares = _shares((moments.width / spacing) ** 2)
         weights += shares[..., None] * part.share
-        carried = shares * term.share.sum(axis=1)
+        carried = np.abs(shares) * term.share.sum(axis=1)
         energy += carried
         leans += carried * moments.lean
         variances += carried[-1] * moments.width**2
@@ -92,16 +92,31 @@ def _shares(variance: Array) -> Array:
     Shape (LEVELS + 1, NODES).
     """
     steps = level_variances()
-    shares = np.zeros((LEVELS + 1, len(variance)))
-    node = np.arange(len(variance))
-    below = np.clip(np.searchsorted(steps, variance) - 1, 0, LEVELS - 2)
-    upper = np.clip((variance - steps[below]) / (steps[below + 1] - steps[below]), 0, 1)
     low, high = _SHARP
     blurred = np.clip((variance / steps[0] - low) / (high - low), 0, 1)
-    shares[below, node] = blurred * (1 - upper)
-    shares[below + 1, node] = blurred * upper
+    shares = np.zeros((LEVELS + 1, len(variance)))
+    shares[:LEVELS] = blurred * _mixture(np.clip(variance, steps[0], steps[-1]), steps)
     shares[-1] = 1 - blurred
     return shares
+
+
+def _mixture(variance: Array, steps: Array) -> Array:
+    """Weights of the three levels nearest to a Gaussian whose sum is nearest to it; shape (LEVELS, n).
+
+    Least squares over the plane, with the sum of the weights and the variance kept. The mean of the product of two
+    Gaussians of variances a and b is 1/(2π (a + b)). Two levels alone would make the middle too high by an eighth.
+    """
+    first = np.clip(np.searchsorted(steps, variance / np.sqrt(2)) - 1, 0, LEVELS - 3)
+    members = first[:, None] + np.arange(3)
+    scaled = steps[members] / variance[:, None]  # (n, 3)
+    system = np.zeros((len(variance), 5, 5))
+    system[:, :3, :3] = 1 / (scaled[:, :, None] + scaled[:, None, :])
+    system[:, 3, :3] = system[:, :3, 3] = 1
+    system[:, 4, :3] = system[:, :3, 4] = scaled
+    right = np.concatenate([1 / (1 + scaled), np.ones((len(variance), 2))], axis=1)
+    weights = np.zeros((len(variance), LEVELS))
+    np.put_along_axis(weights, members, np.linalg.solve(system, right[..., None])[:, :3, 0], axis=1)
+    return weights.T
 
 
 def _radius_factors(angle: Array, lean: Array) -> Array:
