@@ -19,16 +19,14 @@ from rsibr.geometry.to_device import to_device
 LookUp = Callable[["mi.Vector3f", "mi.Float"], "mi.Color3f"]
 """(direction, standard deviation of the blur [rad]) → radiance: a lookup of an `EnvironmentPyramid`."""
 
+DENSITY = 2.0
+"""Lookups over the ratio of the footprint's axes."""
+
 _REACH = 2.2  # standard deviations covered by the lookups, to either side
-_DENSITY = 2.0  # lookups over the ratio of the footprint's axes
 _MOST_LOOKUPS = 24
 _OVERLAP = 0.3  # minimum width of a lookup over the distance to the next one
 _LEAST_VIEW_COSINE = 1e-3  # view angle at which the shading frame is clamped
 _GRAZING = 0.02  # cosine below which a footprint is not elongated further
-_HERMITE = tuple(
-    (float(x), float(w)) for x, w in zip(*np.polynomial.hermite_e.hermegauss(4), strict=True)
-)  # places and weights of the Gauss–Hermite rule
-_SHARP_OVERLAP = 0.5  # minimum width of one of its lookups over the standard deviation along
 _NARROWEST = 1e-9  # avoids 0/0 for a delta lobe at a point, whose footprint has no extent
 
 
@@ -114,26 +112,12 @@ class AnisotropicFootprint:
         along = sigma * sigma + texel / (cosine * cosine) - dr.square(cosine * across)
         return cls(shading, dr.sqrt(dr.maximum(along, 0)), across, mi.Float(centre))
 
-    def four_taps(self, look_up: LookUp) -> mi.Color3f:
-        """Mean radiance of four lookups along the plane of incidence.
-
-        Notes
-        -----
-        Gauss–Hermite rule of four points; each is weighted by h·v, the projected area of its microfacet
-        (docs/method.md, section 7.6).
-        """
-        light, weight = mi.Color3f(0), mi.Float(0)
-        for t, share in _HERMITE:
-            facet = dr.normalize(mi.Vector3f(t * self.along, 0, 1))
-            toward = dr.dot(facet, self.shading.v)
-            w = 2 * toward * facet - self.shading.v
-            counted = dr.select((toward > 0) & (w.z > 0), share * toward, 0)
-            light += counted * look_up(self.shading.to_world(w), self._width(facet, _SHARP_OVERLAP * self.along))
-            weight += counted
-        return light / dr.maximum(weight, 1e-20)
-
     def gather(
-        self, spreads: mi.Float, colour: Callable[[mi.Vector3f], tuple[mi.Vector3f, mi.Color3f]], look_up: LookUp
+        self,
+        spreads: mi.Float,
+        colour: Callable[[mi.Vector3f], tuple[mi.Vector3f, mi.Color3f]],
+        look_up: LookUp,
+        density: float = DENSITY,
     ) -> tuple[mi.Color3f, mi.Color3f]:
         """Integrate radiance and weight over the footprint, with lookups in proportion to its axis ratio.
 
@@ -145,6 +129,8 @@ class AnisotropicFootprint:
             Microfacet normal → reflected view direction in the shading frame, and weight (RGB).
         look_up : callable
             Lookup of the environment.
+        density : float
+            Lookups over the ratio of the footprint's axes.
 
         Returns
         -------
@@ -157,7 +143,7 @@ class AnisotropicFootprint:
         """
         # ---- Number and distance of the lookups, minimum blur of each ----
         ratio = self.along / dr.maximum(dr.maximum(self.shading.cosine, _GRAZING) * self.across, _NARROWEST)
-        lookups = dr.clip(dr.ceil(_DENSITY * ratio), 1, _MOST_LOOKUPS)
+        lookups = dr.clip(dr.ceil(density * ratio), 1, _MOST_LOOKUPS)
         step, spread = 2 * _REACH / lookups, dr.gather(mi.Float, spreads, mi.UInt32(lookups))
         least = _OVERLAP * 2 * step * self.along
 

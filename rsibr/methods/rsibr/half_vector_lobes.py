@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import drjit as dr
 import mitsuba as mi
 
 from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.cosine_table import CosineTable
-from rsibr.methods.rsibr.anisotropic_footprint import AnisotropicFootprint, ShadingFrame
+from rsibr.methods.rsibr.anisotropic_footprint import LookUp, ShadingFrame
 from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe
 from rsibr.methods.rsibr.half_vector_map import half_vector_point
 from rsibr.methods.rsibr.half_vector_pyramid import HalfVectorPyramid, balance, balanced, lookup
@@ -20,11 +19,46 @@ from rsibr.methods.rsibr.lobe_integral import mirror_of
 from rsibr.methods.rsibr.lobe_terms import Lobe, LobeTerms
 from rsibr.methods.rsibr.lobe_weights import lobe_weights
 from rsibr.methods.rsibr.matte_light import MatteLight
+from rsibr.methods.rsibr.narrow_gaussians import NarrowGaussians
 from rsibr.methods.rsibr.polar_grid import PolarGrid
 from rsibr.methods.rsibr.wide_light import WideLight
 
 MapTables = tuple["mi.Float | None", "PolarGrid | None"]
 """What is gathered once a map: the collapsed half-vector pyramid, and the light of the wide Gaussians."""
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """How finely the light of narrow Gaussians is gathered.
+
+    Attributes
+    ----------
+    resolution : int
+        Texels a side of the half-vector pyramid's level 0.
+    ratio : float
+        Greatest ratio of the widths of Gaussians that share a footprint.
+    density : float
+        Lookups over the ratio of a footprint's axes.
+    between_levels : bool
+        Whether footprints are interpolated between two levels of the environment pyramid; otherwise the nearest is
+        taken.
+    """
+
+    resolution: int
+    ratio: float
+    density: float
+    between_levels: bool
+
+    def look_up(self, environment: EnvironmentPyramid) -> LookUp:
+        """Lookup of the environment in footprints."""
+        return environment.blurred if self.between_levels else environment.nearest_blurred
+
+
+FAST = Fidelity(resolution=96, ratio=1e3, density=1.0, between_levels=False)
+"""For `rsibr`."""
+
+FINE = Fidelity(resolution=192, ratio=1.6, density=2.0, between_levels=True)
+"""For `rsibr-fine`."""
 
 
 @dataclass(eq=False)
@@ -39,24 +73,26 @@ class HalfVectorLobes:
         Weight of each level of the half-vector pyramid; empty where no Gaussian needs them.
     balance : mi.Float
         Factors on the collapsed pyramid; see `half_vector_pyramid.balance`.
-    sharp : CosineTable or None
-        Weight and standard deviation of the Gaussians narrower than level 0, delta lobes excepted; None if there are
-        none.
+    sharp : NarrowGaussians or None
+        Gaussians narrower than level 0, delta lobes excepted; None if there are none.
     wide : WideLight or None
         Wide Gaussians.
     mirror : (DeltaLobe, CosineTable) or None
         Delta lobe and its albedo; None if there is none.
     matte : list of MatteLight
         Matte parts.
+    fidelity : Fidelity
+        How finely the light is gathered.
     """
 
     light: EnvironmentPyramid
     levels: list[CosineTable]
     balance: mi.Float
-    sharp: CosineTable | None
+    sharp: NarrowGaussians | None
     wide: WideLight | None
     mirror: tuple[DeltaLobe, CosineTable] | None
     matte: list[MatteLight]
+    fidelity: Fidelity
 
     @classmethod
     def of(
@@ -66,26 +102,31 @@ class HalfVectorLobes:
         light: Light,
         part: LobeShape | None = None,
         density: float = ROUGH,
+        fidelity: Fidelity = FAST,
     ) -> HalfVectorLobes:
-        """Prepare the lobes; parameters as of `LobeIntegral.of`."""
+        """Prepare the lobes; parameters as of `LobeIntegral.of`, and how finely the light is gathered."""
         terms, parts = LobeTerms.of(lobes), LobeTerms.of(lobes, part)
-        weights, whole = lobe_weights(terms.narrow, parts.narrow), lobe_weights(terms.narrow, terms.narrow)
+        finest = fidelity.resolution
+        weights, whole = (lobe_weights(terms.narrow, counted, finest) for counted in (parts.narrow, terms.narrow))
         tables, all_tables = ([CosineTable.of(level) for level in one.levels] for one in (weights, whole))
         return cls(
             light=pyramid,
             levels=tables if whole.has_levels else [],
-            balance=balance(all_tables) if whole.has_levels else mi.Float(0),  # of the whole, so that parts add up
-            sharp=CosineTable.of(weights.sharp) if weights.has_sharp else None,
-            wide=WideLight.of(terms.gaussians, parts.gaussians),
+            balance=balance(all_tables, finest) if whole.has_levels else mi.Float(0),  # of the whole, so that parts add up
+            sharp=NarrowGaussians.of(
+                terms.narrow, parts.narrow, whole.sharp, ratio=fidelity.ratio, density=fidelity.density
+            ),
+            wide=WideLight.of(terms.gaussians, parts.gaussians, finest),
             mirror=mirror_of(lobes, pyramid, light, part, density),
             matte=MatteLight.of(parts.matte, light),
+            fidelity=fidelity,
         )
 
     def tables(self, frame: mi.Matrix3f) -> MapTables:
         """Gather the light of the Gaussians over the map with `frame`, columns x, y, v; for `radiance`."""
         if not self.levels and self.wide is None:
             return None, None
-        pyramid = HalfVectorPyramid.of(frame, self.light)
+        pyramid = HalfVectorPyramid.of(frame, self.light, self.fidelity.resolution)
         grid = None if self.wide is None else self.wide.grid(pyramid)
         return balanced(pyramid, self.levels, self.balance) if self.levels else None, grid
 
@@ -116,7 +157,7 @@ class HalfVectorLobes:
         # ---- Narrow Gaussians: one lookup in the collapsed pyramid; wide ones: one in the polar grid ----
         radiance = mi.Color3f(0)
         if half_vectors is not None:
-            found = lookup(half_vectors, half_vector_point(n))
+            found = lookup(half_vectors, half_vector_point(n), self.fidelity.resolution)
             radiance += mi.Color3f(found.x, found.y, found.z)
         if self.wide is not None and grid is not None:
             radiance += self.wide.radiance(n, grid)
@@ -128,10 +169,8 @@ class HalfVectorLobes:
         if self.mirror is not None and mirror:
             mirrored, share = self.mirror
             radiance += mirrored.mean_over_texel(n, frame, spacing, share.colour)
-        # ---- Sharp part: one anisotropic footprint for all Gaussians narrower than level 0 (section 7.6) ----
+        # ---- Gaussians narrower than level 0: anisotropic footprints (section 7.6) ----
         if self.sharp is None:
             return radiance
-        weight = self.sharp.at(n.z)
         shading = ShadingFrame.of(world, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
-        sharp = AnisotropicFootprint.of(shading, weight.w, spacing).four_taps(self.light.nearest_blurred)
-        return dr.fma(mi.Color3f(weight.x, weight.y, weight.z), sharp, radiance)
+        return radiance + self.sharp.radiance(shading, spacing, self.fidelity.look_up(self.light))

@@ -27,9 +27,9 @@ from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.rsibr.half_vector_map import angle_per_length, half_vector, half_vector_texels
 
 RESOLUTION = 96
-"""Texels a side of level 0, G; a multiple of 8. Gaussians narrower than a texel are looked up in the environment."""
+"""Texels a side of level 0, G, by default; a multiple of 16."""
 
-_HALVINGS = 0, 0, 0, 1, 1, 2, 2, 3
+_HALVINGS = 0, 0, 0, 1, 1, 2, 2, 3, 3, 4
 _LOOKUP = 1 / 6  # variance of a bilinear lookup (tent filter) in texels²
 _UPSAMPLED = 3 / 16  # the same a quarter of a texel off the centres
 
@@ -45,12 +45,6 @@ LADDER = tuple((halvings, (0.25 + _added(0)) * 2.0**level - _added(halvings)) fo
 After the collapse each level has twice the variance of the one before it; the first is blurred by ¼ texel².
 """
 
-SIDES = tuple(RESOLUTION >> halvings for halvings, _ in LADDER)
-"""Texels a side of each level."""
-
-STARTS = tuple(sum((side + 2) ** 2 for side in SIDES[:level]) for level in range(len(SIDES)))
-"""Index of the first texel of each level."""
-
 _TAPS = 5, 6  # of a blur along each axis: at the same resolution, and to half of it
 _LEAST_HEIGHT = 0.01  # minimum h·v in the width of the environment lookup of level 0
 
@@ -65,9 +59,15 @@ def lookup_variances() -> NDArray[np.float64]:
     return np.array([variance + _LOOKUP * 4.0**halvings for halvings, variance in LADDER])
 
 
-def texel_angle(polar_angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def level_places(resolution: int) -> tuple[list[int], list[int]]:
+    """Index of the first texel and texels a side of each level of a pyramid with G = `resolution`."""
+    sides = [resolution >> halvings for halvings, _ in LADDER]
+    return [sum((side + 2) ** 2 for side in sides[:level]) for level in range(len(sides))], sides
+
+
+def texel_angle(resolution: int, polar_angle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Angle [rad] between neighbouring texels of level 0 at a polar angle [rad] from v; eq. 4."""
-    return np.asarray(4 / RESOLUTION * np.cos(polar_angle / 2) ** 2)
+    return np.asarray(4 / resolution * np.cos(polar_angle / 2) ** 2)
 
 
 @dataclass(eq=False)
@@ -78,12 +78,15 @@ class HalfVectorPyramid:
     ----------
     texels : mi.Float
         RGBA of all levels, one after the other, each with a border of one texel, flat: radiance times h·v, and h·v.
+    resolution : int
+        Texels a side of level 0, G.
     """
 
     texels: mi.Float
+    resolution: int
 
     @classmethod
-    def of(cls, frame: mi.Matrix3f, light: EnvironmentPyramid) -> HalfVectorPyramid:
+    def of(cls, frame: mi.Matrix3f, light: EnvironmentPyramid, resolution: int = RESOLUTION) -> HalfVectorPyramid:
         """Build the levels for a viewer.
 
         Parameters
@@ -92,20 +95,23 @@ class HalfVectorPyramid:
             Frame of the map, columns x, y, v.
         light : EnvironmentPyramid
             Gaussian pyramid of the environment.
+        resolution : int
+            Texels a side of level 0, a multiple of 16.
         """
-        return cls._over(_mirrored(frame, light))
+        return cls._over(_mirrored(frame, light, resolution), resolution)
 
     @classmethod
-    def even(cls) -> HalfVectorPyramid:
+    def even(cls, resolution: int) -> HalfVectorPyramid:
         """Levels under a constant environment of radiance 1."""
-        return cls._over(_stored(mi.Vector4f(dr.maximum(half_vector(half_vector_texels(RESOLUTION, border=1)).z, 0))))
+        height = half_vector(half_vector_texels(resolution, border=1)).z
+        return cls._over(_stored(mi.Vector4f(dr.maximum(height, 0))), resolution)
 
     @classmethod
-    def _over(cls, finest: mi.Float) -> HalfVectorPyramid:
+    def _over(cls, finest: mi.Float, resolution: int) -> HalfVectorPyramid:
         levels = [finest]
         for finer, coarser in pairwise(LADDER):
-            levels.append(_blurred(levels[-1], finer, coarser))
-        return cls(dr.concat(levels))
+            levels.append(_blurred(levels[-1], finer, coarser, resolution))
+        return cls(dr.concat(levels), resolution)
 
     def collapsed(self, weights: list[CosineTable]) -> mi.Vector4f:
         """Weighted sum of all levels over the texels of level 0, from the coarsest size to the finest (eq. 29).
@@ -116,26 +122,27 @@ class HalfVectorPyramid:
             For each level, by cosine of the surface angle: weight g_ℓ (RGB), and the radius factor φ_ℓ that moves the
             lookup to the centre of the visible lobe (eq. 28).
         """
+        starts, _ = level_places(self.resolution)
         total = None
         for halvings in range(LADDER[-1][0], -1, -1):
-            members = [(STARTS[m], weights[m]) for m, (size, _) in enumerate(LADDER) if size == halvings]
+            members = [(starts[m], weights[m]) for m, (size, _) in enumerate(LADDER) if size == halvings]
             coarser = None if total is None else _stored(total)
-            total = _collapsed(self.texels, members, coarser, RESOLUTION >> halvings)
+            total = _collapsed(self.texels, members, coarser, self.resolution >> halvings)
         return total
 
     def light(self, p: mi.Point2f, start: mi.UInt32, side: mi.UInt32) -> mi.Color3f:
-        """Mean radiance [W sr⁻¹ m⁻²] around map points in the unit disk, each in a level of `STARTS` and `SIDES`."""
+        """Mean radiance [W sr⁻¹ m⁻²] around map points in the unit disk, each in a level of `level_places`."""
         found = lookup(self.texels, p, side, start)
         return mi.Color3f(found.x, found.y, found.z) / dr.maximum(found.w, 1e-6)
 
 
 def balanced(pyramid: HalfVectorPyramid, weights: list[CosineTable], balance: mi.Float) -> mi.Float:
     """Collapse the pyramid and multiply by the factors β of `balance`: RGBA over the map with its border, flat."""
-    texel = dr.arange(mi.UInt32, (RESOLUTION + 2) ** 2)
+    texel = dr.arange(mi.UInt32, (pyramid.resolution + 2) ** 2)
     return _stored(pyramid.collapsed(weights) * dr.gather(mi.Vector4f, balance, texel))
 
 
-def balance(weights: list[CosineTable]) -> mi.Float:
+def balance(weights: list[CosineTable], resolution: int) -> mi.Float:
     """Factors β on the texels of the collapsed map that make a constant environment exact; eq. 30.
 
     A coarse level has too few texels to follow weights that change fast with the surface angle. Without the factors
@@ -145,14 +152,16 @@ def balance(weights: list[CosineTable]) -> mi.Float:
     ----------
     weights : list of CosineTable
         As in `HalfVectorPyramid.collapsed`.
+    resolution : int
+        Texels a side of level 0, G.
 
     Returns
     -------
     mi.Float
         RGBA of the map with its border, flat; A is unused.
     """
-    even = HalfVectorPyramid.even().collapsed(weights)
-    cosine = half_vector(within_disk(half_vector_texels(RESOLUTION, border=1))).z
+    even = HalfVectorPyramid.even(resolution).collapsed(weights)
+    cosine = half_vector(within_disk(half_vector_texels(resolution, border=1))).z
     wanted = mi.Vector4f(0)
     for weight in weights:
         wanted += weight.at(cosine)
@@ -160,7 +169,7 @@ def balance(weights: list[CosineTable]) -> mi.Float:
 
 
 def lookup(
-    texels: mi.Float, p: mi.Point2f, resolution: mi.UInt32 | int = RESOLUTION, start: mi.UInt32 | int = 0
+    texels: mi.Float, p: mi.Point2f, resolution: mi.UInt32 | int, start: mi.UInt32 | int = 0
 ) -> mi.Vector4f:
     """Bilinear lookup in a half-vector map of G×G texels with a border of one texel.
 
@@ -190,23 +199,23 @@ def lookup(
     return dr.lerp(upper, dr.lerp(texel(stride), texel(stride + 1), cell.rightward), cell.downward)
 
 
-def _mirrored(frame: mi.Matrix3f, light: EnvironmentPyramid) -> mi.Float:
+def _mirrored(frame: mi.Matrix3f, light: EnvironmentPyramid, resolution: int) -> mi.Float:
     """Level 0: environment reflected by each half-vector, times h·v, with h·v in the fourth channel (eq. 22)."""
-    p = half_vector_texels(RESOLUTION, border=1)
+    p = half_vector_texels(resolution, border=1)
     h = half_vector(p)
     seen = dr.maximum(h.z, 0)
     direction = frame @ mi.Vector3f(2 * h.z * h.x, 2 * h.z * h.y, 2 * h.z * h.z - 1)
     # A texel of width δ reflects into an ellipse of 2δ by 2δ h_z. Half the width of the circle of equal area: δ √h_z
-    width = angle_per_length(p) * (2 / RESOLUTION) * dr.sqrt(dr.maximum(seen, _LEAST_HEIGHT))
+    width = angle_per_length(p) * (2 / resolution) * dr.sqrt(dr.maximum(seen, _LEAST_HEIGHT))
     radiance = light.blurred(direction, width) * seen
     return _stored(mi.Vector4f(radiance.x, radiance.y, radiance.z, seen))
 
 
-def _blurred(finer: mi.Float, before: tuple[int, float], after: tuple[int, float]) -> mi.Float:
+def _blurred(finer: mi.Float, before: tuple[int, float], after: tuple[int, float], resolution: int) -> mi.Float:
     """Next level: blurred to its variance, along the rows, then along the columns; zero beyond the map (eq. 23)."""
     halves = after[0] > before[0]
     kernel = taps(before, after)
-    fine, coarse = (RESOLUTION >> halvings for halvings in (before[0], after[0]))
+    fine, coarse = (resolution >> halvings for halvings in (before[0], after[0]))
     along = _convolved(finer, kernel, (fine, coarse), (fine, fine), halves, by_row=True)
     return _convolved(along, kernel, (coarse, coarse), (fine, coarse), halves, by_row=False)
 

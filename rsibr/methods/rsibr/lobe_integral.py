@@ -31,6 +31,9 @@ from rsibr.methods.rsibr.view_nodes import ViewNodes
 from rsibr.methods.rsibr.wide_light import WideLight
 
 
+_RATIO = 1.6  # greatest ratio of the widths of Gaussians that share a footprint
+
+
 @dataclass(eq=False)
 class LobeIntegral:
     """All lobes of a material under an environment; docs/method.md, eq. 15.
@@ -81,7 +84,7 @@ class LobeIntegral:
         terms, parts = LobeTerms.of(lobes), LobeTerms.of(lobes, part)
         return cls(
             environment=pyramid,
-            narrow=NarrowGaussians.of(terms.gaussians, parts.gaussians),
+            narrow=NarrowGaussians.of(terms.narrow, parts.narrow, ratio=_RATIO),
             wide=WideLight.of(terms.gaussians, parts.gaussians),
             matte=MatteLight.of(parts.matte, light),
             mirror=mirror_of(lobes, pyramid, light, part, density),
@@ -112,7 +115,7 @@ class LobeIntegral:
             assert self.nodes is not None
             radiance += self.nodes.radiance(n, v, cosine)
         if self.narrow is not None:
-            radiance += self.narrow.radiance(ShadingFrame.of(n, v), mi.Float(0), self.environment)
+            radiance += self.narrow.radiance(ShadingFrame.of(n, v), mi.Float(0), self.environment.blurred)
         return radiance
 
     def grid(self, frame: mi.Matrix3f) -> PolarGrid | None:
@@ -157,7 +160,7 @@ class LobeIntegral:
             radiance += self.wide.radiance(n, grid)
         if self.narrow is not None:
             shading = ShadingFrame.of(world, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
-            radiance += self.narrow.radiance(shading, spacing, self.environment)
+            radiance += self.narrow.radiance(shading, spacing, self.environment.blurred)
         return radiance
 
 

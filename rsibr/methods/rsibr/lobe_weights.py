@@ -31,8 +31,8 @@ class LobeWeights:
     levels : ndarray, shape (LEVELS, NODES, 4)
         Weight g_ℓ of each level (RGB), and radius factor φ_ℓ in the half-vector map; see
         `half_vector_pyramid.gathered`.
-    sharp : ndarray, shape (NODES, 4)
-        Weight of the sharp part (RGB), the Gaussians narrower than level 0, and its standard deviation [rad].
+    sharp : ndarray, shape (Gaussians, NODES)
+        Fraction of each Gaussian that is narrower than level 0.
     """
 
     levels: Array
@@ -43,13 +43,8 @@ class LobeWeights:
         """Whether any Gaussian is as wide as a level."""
         return bool(self.levels[..., :3].any())
 
-    @property
-    def has_sharp(self) -> bool:
-        """Whether any Gaussian is narrower than level 0."""
-        return bool(self.sharp[:, :3].any())
 
-
-def lobe_weights(terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm]) -> LobeWeights:
+def lobe_weights(terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], resolution: int) -> LobeWeights:
     """Distribute narrow Gaussians over the levels of the pyramid.
 
     Parameters
@@ -58,6 +53,8 @@ def lobe_weights(terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm]) -
         Narrow Gaussians of all lobes: they make the radius factors.
     parts : sequence of GaussianTerm
         The same in the same order, with the shares that count: of all lobes, or of one.
+    resolution : int
+        Texels a side of level 0.
 
     Returns
     -------
@@ -65,39 +62,29 @@ def lobe_weights(terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm]) -
         A Gaussian between two levels is mixed from both so that its variance is preserved (eq. 27); one narrower than
         level 0 belongs to the sharp part.
     """
-    # ---- Accumulate weights, energy, lean and variance over the Gaussians of all lobes ----
     angle = np.arccos(cosines())
-    spacing = texel_angle(angle)
-    weights = np.zeros((LEVELS + 1, NODES, 3))
-    energy, leans, variances = np.zeros((LEVELS + 1, NODES)), np.zeros((LEVELS + 1, NODES)), np.zeros(NODES)
-    for term, part in zip(terms, parts, strict=True):
-        moments = term.moments
-        shares = _shares((moments.width / spacing) ** 2)
+    spacing = texel_angle(resolution, angle)
+    weights, sharp = np.zeros((LEVELS, NODES, 3)), np.zeros((len(terms), NODES))
+    energy, leans = np.zeros((LEVELS, NODES)), np.zeros((LEVELS, NODES))
+    for term, part, fraction in zip(terms, parts, sharp, strict=True):
+        shares, fraction[:] = _shares((term.moments.width / spacing) ** 2)
         weights += shares[..., None] * part.share
         carried = np.abs(shares) * term.share.sum(axis=1)
         energy += carried
-        leans += carried * moments.lean
-        variances += carried[-1] * moments.width**2
-    # ---- Radius factors from the mean lean of each level (eq. 28), width of the sharp part ----
-    energy = np.maximum(energy, 1e-30)
-    factors = _radius_factors(angle, leans / energy)
-    levels = np.concatenate([weights, factors[..., None]], axis=-1)[:LEVELS]
-    sharp = np.concatenate([weights[-1], np.sqrt(variances / energy[-1])[:, None]], axis=-1)
-    return LobeWeights(levels, sharp)
+        leans += carried * term.moments.lean
+    factors = _radius_factors(angle, leans / np.maximum(energy, 1e-30))  # from the mean lean of each level (eq. 28)
+    return LobeWeights(np.concatenate([weights, factors[..., None]], axis=-1), sharp)
 
 
-def _shares(variance: Array) -> Array:
-    """Share of each level, then of the sharp part, in a Gaussian; eq. 27. `variance` is in texels² of level 0.
+def _shares(variance: Array) -> tuple[Array, Array]:
+    """Share of each level in a Gaussian, shape (LEVELS, NODES), and fraction that is sharper; eq. 27.
 
-    Shape (LEVELS + 1, NODES).
+    `variance` is in texels² of level 0.
     """
     steps = level_variances()
     low, high = _SHARP
     blurred = np.clip((variance / steps[0] - low) / (high - low), 0, 1)
-    shares = np.zeros((LEVELS + 1, len(variance)))
-    shares[:LEVELS] = blurred * _mixture(np.clip(variance, steps[0], steps[-1]), steps)
-    shares[-1] = 1 - blurred
-    return shares
+    return blurred * _mixture(np.clip(variance, steps[0], steps[-1]), steps), 1 - blurred
 
 
 def _mixture(variance: Array, steps: Array) -> Array:

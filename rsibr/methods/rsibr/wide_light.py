@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 
 from rsibr.geometry.to_device import to_device
 from rsibr.methods.cosine_table import CosineTable
-from rsibr.methods.rsibr.half_vector_pyramid import SIDES, STARTS, HalfVectorPyramid
+from rsibr.methods.rsibr.half_vector_pyramid import RESOLUTION, HalfVectorPyramid, level_places
 from rsibr.methods.rsibr.lobe_terms import GaussianTerm
 from rsibr.methods.rsibr.polar_grid import NODES, SECTORS, PolarGrid
 from rsibr.methods.rsibr.slope_quadrature import SlopeQuadrature
 
 Array = NDArray[np.float64]
+
+_STRIDE = 40  # lanes a node
 
 
 @dataclass(eq=False)
@@ -45,39 +47,44 @@ class WideLight:
     share: CosineTable
 
     @classmethod
-    def of(cls, terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm]) -> WideLight | None:
+    def of(
+        cls, terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], resolution: int = RESOLUTION
+    ) -> WideLight | None:
         """Put the wide ones of `terms` on the device; None if there are none. Parameters as of `SlopeQuadrature.of`."""
         members = [(term, part) for term, part in zip(terms, parts, strict=True) if term.is_wide]
-        quadrature = SlopeQuadrature.of([term for term, _ in members], [part for _, part in members])
+        quadrature = SlopeQuadrature.of([term for term, _ in members], [part for _, part in members], resolution)
         if quadrature is None:
             return None
         rings, count = quadrature.levels.shape
         rows = np.zeros((rings, count, 2, 4))
         rows[..., 0, :2], rows[..., 1, :3] = quadrature.places, quadrature.weights
-        rows[..., 0, 2], rows[..., 0, 3] = np.array(STARTS)[quadrature.levels], np.array(SIDES)[quadrature.levels]
+        starts, sides = (np.array(column) for column in level_places(resolution))
+        rows[..., 0, 2], rows[..., 0, 3] = starts[quadrature.levels], sides[quadrature.levels]
         share = cast("Array", sum(part.share for _, part in members))
         return cls(to_device(mi.Float, rows.astype(np.float32)), dr.opaque(mi.UInt32, count), CosineTable.of(share))
 
     def grid(self, pyramid: HalfVectorPyramid) -> PolarGrid:
         """Mean light [W sr⁻¹ m⁻²] of the wide Gaussians at the nodes of a polar grid over the map of `pyramid`."""
-        node = dr.arange(mi.UInt32, NODES)
-        ring = node // SECTORS
+        # ---- A lane sums every _STRIDE-th point of a node: one a node would keep a single thread busy ----
+        lane = dr.arange(mi.UInt32, NODES * _STRIDE)
+        node = lane // _STRIDE
+        first = node // SECTORS * self.count
         sine, cosine = dr.sincos(mi.Float(node % SECTORS) * (2 * np.pi / SECTORS))
 
         def gather(k: mi.UInt32, light: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f]:
-            place, weight = (dr.gather(mi.Vector4f, self.points, 2 * (ring * self.count + k) + row) for row in range(2))
+            place, weight = (dr.gather(mi.Vector4f, self.points, 2 * (first + k) + row) for row in range(2))
             p = mi.Point2f(cosine * place.x - sine * place.y, sine * place.x + cosine * place.y)
             found = pyramid.light(p, mi.UInt32(place.z), mi.UInt32(place.w))
-            return k + 1, light + mi.Color3f(weight.x, weight.y, weight.z) * found
+            return k + _STRIDE, light + mi.Color3f(weight.x, weight.y, weight.z) * found
 
         _, light = dr.while_loop(
-            state=(mi.UInt32(0), dr.zeros(mi.Color3f, NODES)),
+            state=(lane % _STRIDE, dr.zeros(mi.Color3f, NODES * _STRIDE)),
             cond=lambda k, _light: k < self.count,
             body=gather,
             labels=("k", "light"),
             label="wide_gaussians",
         )
-        return PolarGrid.of(light)
+        return PolarGrid.of(mi.Color3f(*(dr.block_sum(channel, _STRIDE) for channel in light)))
 
     def radiance(self, n: mi.Vector3f, grid: PolarGrid) -> mi.Color3f:
         """Reflected radiance [W sr⁻¹ m⁻²] at normals in the map's frame, from `grid`."""
