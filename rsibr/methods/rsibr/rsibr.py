@@ -11,9 +11,10 @@ from rsibr import backend
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
-from rsibr.methods.rsibr.half_vector_lobes import HalfVectorLobes, MapTables
+from rsibr.methods.rsibr.half_vector_lobes import FAST, Fidelity, HalfVectorLobes, MapTables
+from rsibr.methods.rsibr.lobe_integral import LobeIntegral
 from rsibr.methods.rsibr.residual_method import ResidualMethod, ResidualOptions, residual_method
-from rsibr.methods.rsibr.rsibr_fine import RsibrFine, lobe_integral
+from rsibr.methods.rsibr.rsibr_points import RsibrPoints
 
 
 @dataclass(eq=False, repr=False)
@@ -29,18 +30,18 @@ class Rsibr(ResidualMethod):
     """
 
     lobes: HalfVectorLobes = field(kw_only=True)
-    points: Callable[[], RsibrFine] = field(kw_only=True)
+    points: Callable[[], RsibrPoints] = field(kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._points: RsibrFine | None = None  # not a field: the recorded kernels of maps do not depend on it
+        self._points: RsibrPoints | None = None  # not a field: the recorded kernels of maps do not depend on it
 
     @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`.
 
-        A pyramid serves all texels of one view and does not help where every pixel has its own: single points have the
-        prediction and the residuals of `rsibr-fine`.
+        A pyramid serves all texels of one view and does not help where every pixel has its own: single points have
+        another prediction, with residuals of its own; see `RsibrPoints`.
         """
         if self._points is None:
             with self._preparing():
@@ -78,12 +79,20 @@ def rsibr(
     uses_maps, lobe
         See `ResidualOptions`.
     """
+    return model_with_residuals("rsibr", inputs, FAST, weights, uses_maps, lobe)
+
+
+def model_with_residuals(
+    name: str, inputs: MethodInputs, fidelity: Fidelity, weights: str, uses_maps: bool | None, lobe: str | None
+) -> Rsibr:
+    """Make a method of the name, whose model gathers light as finely as `fidelity`; parameters as of `rsibr`."""
     options = ResidualOptions(inputs, uses_maps, lobe)
     lobes, part = list(inputs.shapes.values()), inputs.shapes[lobe][0] if lobe else None
-    prepared = HalfVectorLobes.of(lobes, inputs.pyramid, inputs.light, part, options.mirror_density)
+    pyramid, light, density = inputs.pyramid, inputs.light, options.mirror_density
+    prepared = HalfVectorLobes.of(lobes, pyramid, light, part, density, fidelity)
 
-    def points() -> RsibrFine:
-        integral = lobe_integral(options)
-        return residual_method(RsibrFine, "rsibr", options, weights, integral=integral)
+    def points() -> RsibrPoints:
+        integral = LobeIntegral.of(lobes, pyramid, light, part, density)
+        return residual_method(RsibrPoints, name, options, weights, integral=integral)
 
-    return residual_method(Rsibr, "rsibr", options, weights, lobes=prepared, points=points)
+    return residual_method(Rsibr, name, options, weights, lobes=prepared, points=points)
