@@ -67,6 +67,11 @@ class MethodInputs:
     ----------
     bake : StoredMaps
         The bake. Each part is read at its first use.
+
+    Attributes
+    ----------
+    learnt : dict
+        What methods learn from the stored maps and want to share between their variants.
     """
 
     def __init__(self, bake: StoredMaps) -> None:
@@ -76,6 +81,7 @@ class MethodInputs:
         self._uses: dict[str, set[str]] = {}
         self._nested = 0.0
         self._watching: list[SharedTime] = []
+        self.learnt: dict[Any, Any] = {}
 
     @property
     def lobes(self) -> tuple[LobeRecord, ...]:

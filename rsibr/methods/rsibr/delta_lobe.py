@@ -12,7 +12,7 @@ import mitsuba as mi
 from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.latlong_texture import LatLongTexture
 from rsibr.light.radiance import Light
-from rsibr.methods.rsibr.texel_mean import texel_mean
+from rsibr.methods.rsibr.texel_mean import sides, texel_mean
 
 EXACT = 3.0
 """Sample points per environment texel and side, head-on, where no residual corrects the result."""
@@ -92,17 +92,4 @@ class DeltaLobe:
             toward = 2 * normal.z * normal - mi.Vector3f(0, 0, 1)
             return albedo(normal.z) * self.fetch(frame @ toward)
 
-        return texel_mean(n, spacing, self._points(n, spacing), seen, "mirror_over_texel")
-
-    def _points(self, n: mi.Vector3f, spacing: mi.Float) -> tuple[mi.UInt32, mi.UInt32]:
-        """Number of sample points of a texel along its width and height, in proportion to the angle it reflects.
-
-        Upper bound 4 (1 + p pᵀ/cos² θ) of the metric from disk to reflected direction; docs/method.md, section 6.3.
-        """
-        stretch = dr.rcp(dr.square(dr.maximum(n.z, _FLATTEST)))
-        head_on = self.fineness * spacing
-
-        def count(place: mi.Float) -> mi.UInt32:
-            return mi.UInt32(dr.clip(dr.ceil(head_on * dr.sqrt(dr.fma(place * place, stretch, 1))), _FEWEST, _MOST))
-
-        return count(n.x), count(n.y)
+        return texel_mean(n, spacing, sides(n, self.fineness * spacing, _FEWEST, _MOST, _FLATTEST), seen, "mirror_over_texel")

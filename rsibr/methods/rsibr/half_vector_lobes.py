@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import drjit as dr
 import mitsuba as mi
 
 from rsibr.light.environment_pyramid import EnvironmentPyramid
@@ -21,6 +22,7 @@ from rsibr.methods.rsibr.lobe_weights import lobe_weights
 from rsibr.methods.rsibr.matte_light import MatteLight
 from rsibr.methods.rsibr.narrow_gaussians import NarrowGaussians
 from rsibr.methods.rsibr.polar_grid import PolarGrid
+from rsibr.methods.rsibr.texel_mean import sides, texel_mean
 from rsibr.methods.rsibr.wide_light import WideLight
 
 MapTables = tuple["mi.Float | None", "PolarGrid | None"]
@@ -53,6 +55,9 @@ class Fidelity:
         """Lookup of the environment in footprints."""
         return environment.blurred if self.between_levels else environment.nearest_blurred
 
+
+_STEP, _MOST = 0.12, 4  # angle of normals [rad] that one point of a texel stands for, and points a side at most
+_FLATTEST = 0.02  # cosine below which the points do not grow further in number
 
 FAST = Fidelity(resolution=96, ratio=1e3, density=1.0, between_levels=False)
 """For `rsibr`."""
@@ -153,6 +158,21 @@ class HalfVectorLobes:
         mi.Color3f
             [W sr⁻¹ m⁻²].
         """
+        side = sides(n, spacing / _STEP, 1, _MOST, _FLATTEST)
+        radiance = texel_mean(
+            n,
+            spacing,
+            side,
+            lambda normal: self._smooth(normal, frame, tables, spacing / mi.Float(dr.maximum(*side))),
+            "lobes_over_texel",
+        )
+        if self.mirror is not None and mirror:
+            mirrored, share = self.mirror
+            radiance += mirrored.mean_over_texel(n, frame, spacing, share.colour)
+        return radiance
+
+    def _smooth(self, n: mi.Vector3f, frame: mi.Matrix3f, tables: MapTables, spacing: mi.Float) -> mi.Color3f:
+        """Radiance of all lobes but the delta lobe over a part of a texel that is `spacing` wide."""
         half_vectors, grid = tables
         # ---- Narrow Gaussians: one lookup in the collapsed pyramid; wide ones: one in the polar grid ----
         radiance = mi.Color3f(0)
@@ -165,10 +185,6 @@ class HalfVectorLobes:
         world = frame @ n
         for matte in self.matte:
             radiance += matte.radiance(world, n.z)
-        # ---- Delta lobe: mean over the texel ----
-        if self.mirror is not None and mirror:
-            mirrored, share = self.mirror
-            radiance += mirrored.mean_over_texel(n, frame, spacing, share.colour)
         # ---- Gaussians narrower than level 0: anisotropic footprints (section 7.6) ----
         if self.sharp is None:
             return radiance

@@ -25,16 +25,19 @@ from rsibr.geometry.projections.sphere_map import (
     texel_centres,
     tiled_texels,
 )
+from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.lobe_albedo import LobeAlbedo
 from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
+from rsibr.methods.rsibr.belief import Belief
 from rsibr.methods.rsibr.delta_light_lobes import DeltaLightLobes
 from rsibr.methods.rsibr.delta_lobe import EXACT, ROUGH
-from rsibr.methods.rsibr.residual_transport import clamped, warped_residual
+from rsibr.methods.rsibr.residual_transport import clamped, trusted, warped_residual
 from rsibr.methods.warp_blend.blend import WEIGHTS, Mixture, triangle_mix
 from rsibr.methods.warp_blend.source_maps import SourceMaps
 from rsibr.methods.warp_blend.warp import MirrorWarp
 from rsibr.methods.warp_blend.warp_blend import WarpBlend
+from rsibr.store.map_file import MapFile
 
 
 @dataclass(eq=False, repr=False)
@@ -55,6 +58,10 @@ class ResidualMethod(WarpBlend):
         noise of the stored one is large where a bright source is met by chance (docs/method.md, section 8.5).
     delta_lights : DeltaLightLobes or None
         Reflection of lights without extent; None if there are none.
+    trust : CosineTable or None
+        Trust in carried residuals by cos θ, see `belief.py`; None: full trust.
+    damps : bool
+        Whether a residual is damped where the footprints of the two views differ; not where the model is not believed.
     """
 
     albedo: LobeAlbedo = field(kw_only=True)
@@ -62,6 +69,8 @@ class ResidualMethod(WarpBlend):
     keeps_negatives: bool = False
     carries_mirror: bool = True
     delta_lights: DeltaLightLobes | None = None
+    trust: CosineTable | None = None
+    damps: bool = True
 
     def image(self, columns: mi.Float, resolution: int) -> mi.Float:
         """Texels of a map; see `WarpBlend.image`."""
@@ -113,20 +122,26 @@ class ResidualMethod(WarpBlend):
         ndarray, shape (N, N, 3), float32
             [W sr⁻¹ m⁻²]; values of texels outside the disk are undefined.
         """
-        resolution = len(radiance)
+        p, e = self.predicted_at_texels(frame, len(radiance))
+        return np.asarray((radiance - p) / e, dtype=np.float32)
+
+    def predicted_at_texels(
+        self, frame: NDArray[np.float64], resolution: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Prediction P [W sr⁻¹ m⁻²] and directional albedo E of the texels of a stored map, each (N, N, 3).
+
+        Without the delta lobe if that is not carried.
+        """
         self._prepare(resolution)
         matrix = mi.Matrix3f(frame.astype(np.float32))
         dr.make_opaque(matrix)
         n = normal_from_disk(covered_middle(texel_centres(resolution), resolution))
         tables = self._map_tables(matrix, resolution)
         dr.eval(tables)
-        predicted, albedo = (
-            self._whole_prediction(n, matrix, tables, resolution, self.carries_mirror),
-            self.albedo.at(n.z),
-        )
+        predicted = self._whole_prediction(n, matrix, tables, resolution, self.carries_mirror)
         every = dr.zeros(mi.Color3f, resolution**2)  # a prediction of nothing is a literal zero of one lane
-        p, e = (np.array(colour + every).T.reshape(radiance.shape) for colour in (predicted, albedo))
-        return np.asarray((radiance - p) / e, dtype=np.float32)
+        p, e = (np.array(c + every).T.reshape(resolution, resolution, 3) for c in (predicted, self.albedo.at(n.z)))
+        return p, e
 
     def _toward(self, frame: mi.Matrix3f) -> tuple[Mixture, list[MirrorWarp]]:
         mixture = self.mix(self._sphere, self.sources, view_of(frame))
@@ -135,7 +150,9 @@ class ResidualMethod(WarpBlend):
     def _residual(
         self, toward: tuple[Mixture, list[MirrorWarp]], n: mi.Vector3f, albedo: mi.Color3f, predicted: mi.Color3f
     ) -> mi.Color3f:
-        residual = albedo * warped_residual(self.sources, *toward, n)
+        residual = albedo * warped_residual(self.sources, *toward, n, self.damps)
+        if self.trust is not None:
+            residual *= trusted(self.trust.at(n.z).x, toward[0])
         return residual if self.keeps_negatives else clamped(residual, predicted, toward[0])
 
     def _whole_prediction(
@@ -209,6 +226,11 @@ class ResidualOptions:
             return None
         return mirrors[0].name if mirrors[0].views is None else None
 
+    def carried_image(self, map_file: MapFile) -> NDArray[np.float32]:
+        """Radiance of a stored map whose residual is carried, shape (N, N, 3): without the delta lobe if that is not."""
+        image = self.inputs.image(map_file, self.lobe)
+        return image if self.separate_mirror is None else image - self.inputs.image(map_file, self.separate_mirror)
+
     def __str__(self) -> str:
         """Return the suffix of the method's name: `/lobe` for a single lobe."""
         return f"/{self.lobe}" if self.lobe else ""
@@ -217,7 +239,9 @@ class ResidualOptions:
 _M = TypeVar("_M", bound=ResidualMethod)
 
 
-def residual_method(kind: type[_M], name: str, options: ResidualOptions, weights: str, **own: Any) -> _M:
+def residual_method(
+    kind: type[_M], name: str, options: ResidualOptions, weights: str, belief: Belief | None = None, **own: Any
+) -> _M:
     """Make a method of class `kind`, and compute its residuals where it uses them.
 
     Parameters
@@ -230,10 +254,12 @@ def residual_method(kind: type[_M], name: str, options: ResidualOptions, weights
         Bake, and the options of the method.
     weights : str
         Barycentric weights of the residuals, one of `WEIGHTS`.
+    belief : Belief, optional
+        How far residuals are trusted; fully by default.
     **own
         Fields that `kind` adds to `ResidualMethod`.
     """
-    inputs, lobe, mirror = options.inputs, options.lobe, options.separate_mirror
+    inputs, lobe = options.inputs, options.lobe
     made = kind(
         f"{name}{options}",
         inputs.first_views(inputs.stored_count(lobe)),
@@ -242,14 +268,14 @@ def residual_method(kind: type[_M], name: str, options: ResidualOptions, weights
         MirrorWarp.between,
         albedo=LobeAlbedo.of(np.sum([np.array(record.albedo) for record in inputs.lobes], axis=0)),
         uses_maps=options.carries,
-        carries_mirror=mirror is None,
+        carries_mirror=options.separate_mirror is None,
         keeps_negatives=lobe is not None or inputs.bake.rendering != "rgb",
         delta_lights=DeltaLightLobes.of(inputs.light, [one for one in inputs.lobes if lobe in (None, one.name)]),
+        trust=None if belief is None else belief.trust_table(),
+        damps=belief is None or belief.is_full,
         **own,
     )
     if options.carries:
-        without = [np.float32(0) if mirror is None else inputs.image(m, mirror) for m in inputs.stored(lobe)]
-        seen = zip(inputs.stored(lobe), without, strict=True)
-        residuals = [made.residual_of(inputs.image(m, lobe) - mirrored, m.frame) for m, mirrored in seen]
-        made.sources = inputs.on_device(residuals)
+        stored = inputs.stored(lobe)
+        made.sources = inputs.on_device([made.residual_of(options.carried_image(m), m.frame) for m in stored])
     return made

@@ -12,11 +12,17 @@ from rsibr.methods.warp_blend.warp import MirrorWarp
 BRIGHTEST = 1.0
 """Upper bound of residual over prediction far from all stored views; it grows as 1/(1 − w) toward a stored view."""
 
+DARKEST = 0.25
+"""Lower bound of the radiance over the prediction far from all stored views; it falls to 0 toward a stored view."""
+
 _LEAST_COSINE = 1e-6
+_FAR = 4.0  # 1 − w from which residuals count as carried far: its reciprocal
 _AT_A_STORED_VIEW = 1e-4  # 1 − w below which a view counts as stored
 
 
-def warped_residual(sources: SourceMaps, mixture: Mixture, warps: list[MirrorWarp], n: mi.Vector3f) -> mi.Color3f:
+def warped_residual(
+    sources: SourceMaps, mixture: Mixture, warps: list[MirrorWarp], n: mi.Vector3f, damped: bool = True
+) -> mi.Color3f:
     """Σ_i w_i c_i² ρ_i² R_i(p_i) / Σ_i w_i c_i² at the surface normal `n` of the new view.
 
     A residual R_i = (S_i − P_i)/E is weighted by w_i c_i²: the weight w_i of its view and the cosine c_i of the surface
@@ -34,6 +40,8 @@ def warped_residual(sources: SourceMaps, mixture: Mixture, warps: list[MirrorWar
         Warp to each of them.
     n : mi.Vector3f
         Unit normals in the new view's frame.
+    damped : bool
+        Whether residuals are damped by ρ².
 
     Returns
     -------
@@ -47,9 +55,24 @@ def warped_residual(sources: SourceMaps, mixture: Mixture, warps: list[MirrorWar
         there = dr.maximum(normal.z, _LEAST_COSINE)
         overlap = dr.minimum(here, there) / dr.maximum(here, there)
         trusted = weight * there * there
-        residual += trusted * overlap * overlap * sources.fetch(stored.index, mi.Point2f(normal.x, normal.y))
+        damping = overlap * overlap if damped else 1
+        residual += trusted * damping * sources.fetch(stored.index, mi.Point2f(normal.x, normal.y))
         total += trusted
     return residual * (1 / total)
+
+
+def trusted(trust: mi.Float, mixture: Mixture) -> mi.Float:
+    """Factor on a residual from the trust in it: 1 at a stored view, `trust` from some distance on.
+
+    Parameters
+    ----------
+    trust : mi.Float
+        Trust in residuals that are carried far, in [0, 1].
+    mixture : Mixture
+        Stored views and their weights.
+    """
+    far = dr.minimum((1 - _largest(mixture)) * _FAR, 1)
+    return dr.lerp(mi.Float(1), trust, far)
 
 
 def clamped(residual: mi.Color3f, predicted: mi.Color3f, mixture: Mixture) -> mi.Color3f:
@@ -69,10 +92,18 @@ def clamped(residual: mi.Color3f, predicted: mi.Color3f, mixture: Mixture) -> mi
     Returns
     -------
     mi.Color3f
-        Residual, at most `BRIGHTEST`/(1 − w) times the prediction, with the largest weight w.
+        Residual, at most `BRIGHTEST`/(1 − w) times the prediction, with the largest weight w, and at least as much as
+        leaves `DARKEST` (1 − w) of it.
     """
+    apart = 1 - _largest(mixture)
+    upper = predicted * (BRIGHTEST / dr.maximum(apart, _AT_A_STORED_VIEW))
+    lower = predicted * (DARKEST * apart - 1)
+    return dr.select(apart > _AT_A_STORED_VIEW, dr.maximum(dr.minimum(residual, upper), lower), residual)
+
+
+def _largest(mixture: Mixture) -> mi.Float:
+    """Weight of the nearest stored view."""
     nearest = mixture.weights[0]
     for weight in mixture.weights[1:]:
         nearest = dr.maximum(nearest, weight)
-    reach = predicted * (BRIGHTEST / dr.maximum(1 - nearest, _AT_A_STORED_VIEW))
-    return dr.select(1 - nearest > _AT_A_STORED_VIEW, dr.minimum(residual, reach), residual)
+    return nearest

@@ -6,13 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
 
 from rsibr import backend
+from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
+from rsibr.methods.rsibr.belief import Belief, StoredView, judged, learnt
 from rsibr.methods.rsibr.half_vector_lobes import FAST, Fidelity, HalfVectorLobes, MapTables
 from rsibr.methods.rsibr.lobe_integral import LobeIntegral
+from rsibr.methods.rsibr.lobe_terms import Lobe
 from rsibr.methods.rsibr.residual_method import ResidualMethod, ResidualOptions, residual_method
 from rsibr.methods.rsibr.rsibr_points import RsibrPoints
 
@@ -87,12 +92,52 @@ def model_with_residuals(
 ) -> Rsibr:
     """Make a method of the name, whose model gathers light as finely as `fidelity`; parameters as of `rsibr`."""
     options = ResidualOptions(inputs, uses_maps, lobe)
-    lobes, part = list(inputs.shapes.values()), inputs.shapes[lobe][0] if lobe else None
-    pyramid, light, density = inputs.pyramid, inputs.light, options.mirror_density
-    prepared = HalfVectorLobes.of(lobes, pyramid, light, part, density, fidelity)
+    belief = believed(options, fidelity) if options.carries else None
+    lobes = _scaled(inputs, belief)
+    part = lobes[lobe][0] if lobe else None
+    model = list(lobes.values()), inputs.pyramid, inputs.light, part, options.mirror_density
+    prepared = HalfVectorLobes.of(*model, fidelity)
 
     def points() -> RsibrPoints:
-        integral = LobeIntegral.of(lobes, pyramid, light, part, density)
-        return residual_method(RsibrPoints, name, options, weights, integral=integral)
+        return residual_method(RsibrPoints, name, options, weights, belief, integral=LobeIntegral.of(*model))
 
-    return residual_method(Rsibr, name, options, weights, lobes=prepared, points=points)
+    return residual_method(Rsibr, name, options, weights, belief, lobes=prepared, points=points)
+
+
+def believed(options: ResidualOptions, fidelity: Fidelity) -> Belief:
+    """How much of the whole model and its residuals to believe, learnt once for a bake; see `belief.py`."""
+    inputs = options.inputs
+    if fidelity not in inputs.learnt:
+        inputs.learnt[fidelity] = _learnt(ResidualOptions(inputs, uses_maps=True), fidelity)
+    return inputs.learnt[fidelity]
+
+
+def _learnt(options: ResidualOptions, fidelity: Fidelity) -> Belief:
+    inputs, lobes = options.inputs, list(options.inputs.shapes.values())
+    neighbours = judged(inputs.viewpoints.triangles, inputs.bake.view_count)
+    used = sorted({index for view, around in neighbours.items() for index in (view, *around)})
+
+    def predicted(part: LobeShape | None) -> dict[int, tuple[NDArray[np.float32], NDArray[np.float32]]]:
+        model = HalfVectorLobes.of(lobes, inputs.pyramid, inputs.light, part, options.mirror_density, fidelity)
+        alone = ResidualOptions(inputs, uses_maps=False)
+        method = residual_method(Rsibr, "", alone, "gnomonic", lobes=model, points=lambda: None)
+        method.carries_mirror = options.separate_mirror is None
+        return {k: method.predicted_at_texels(inputs.maps[k].frame, inputs.bake.resolution) for k in used}
+
+    def of_view(index: int, radiance: NDArray[np.float32], albedo: NDArray[np.float32]) -> StoredView:
+        seen = inputs.maps[index]
+        return StoredView(options.carried_image(seen), radiance, albedo, seen.coverage > 0, seen.frame)
+
+    def by_lobe() -> list[dict[int, NDArray[np.float32]]]:
+        return [{k: image for k, (image, _) in predicted(shape).items()} for shape, _ in lobes]
+
+    views = {index: of_view(index, *found) for index, found in predicted(None).items()}
+    return learnt(views, neighbours, len(lobes), by_lobe)
+
+
+def _scaled(inputs: MethodInputs, belief: Belief | None) -> dict[str, Lobe]:
+    """Lobes by name, their albedos multiplied by the factors of a belief."""
+    if belief is None or belief.is_full:
+        return inputs.shapes
+    named = zip(inputs.shapes.items(), belief.model, strict=True)
+    return {name: (shape, albedo * factor) for (name, (shape, albedo)), factor in named}
