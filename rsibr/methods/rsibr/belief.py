@@ -1,8 +1,9 @@
 """How much of the model and of its residuals to believe, learnt from the stored views.
 
 Each stored view is predicted from its neighbours as if it were new. Where the carried residuals do not tell the true
-ones, because they are noise or change from view to view, they are attenuated. Where interpolating the maps without the
-model does better than with it, the model is scaled down, lobe by lobe. See docs/method.md, section 8.6.
+ones, because they are noise or change from view to view, they are attenuated. Where the paper's interpolation of the
+maps does better than the model at some angle, lobes of the model are scaled down if that helps, and the two are weighed
+against each other by angle. See docs/method.md, section 8.6.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 from scipy.optimize import lsq_linear
 
 from rsibr.methods.cosine_table import CosineTable
+from rsibr.methods.warp_blend.warp import FADE_RADIUS
 
 Array = NDArray[np.float64]
 
@@ -27,6 +29,8 @@ _RIDGE = 1e-3  # pull of the trust toward _PRIOR, over the mean of the normal ma
 _PRIOR = 0.5
 _MOST = 36  # views that are predicted or predict
 _FEWEST = 3  # neighbours from which a stored view is predicted
+_MARGIN = 0.4
+_SCALED = 1e-3  # least reduction of a lobe
 _LEAST_COSINE = 1e-6
 
 
@@ -61,24 +65,33 @@ class Belief:
         Trust in carried residuals by √cos θ, in [0, 1].
     model : ndarray, shape (lobes,)
         Factor on the prediction of each lobe, in [0, 1].
+    weight : ndarray, shape (NODES,)
+        Weight of model and residuals against the paper's interpolation by √cos θ, in [0, 1].
     """
 
     residual: Array
     model: Array
+    weight: Array
 
     @property
     def is_full(self) -> bool:
         """Whether the model is believed as it is."""
         return bool((self.model == 1).all())
 
-    def trust_table(self) -> CosineTable:
-        """Put the trust in residuals on the device, in all channels."""
-        return CosineTable.of(np.repeat(self.residual[:, None], 3, axis=1))
+    @property
+    def is_hedged(self) -> bool:
+        """Whether interpolation has a weight."""
+        return bool((self.weight < 1).any())
 
     @classmethod
     def full(cls, lobes: int) -> Belief:
         """Believe everything."""
-        return cls(np.ones(NODES), np.ones(lobes))
+        return cls(np.ones(NODES), np.ones(lobes), np.ones(NODES))
+
+
+def node_table(values: Array) -> CosineTable:
+    """Put values at the nodes on the device, the same in all channels."""
+    return CosineTable.of(np.repeat(values[:, None], 3, axis=1))
 
 
 Views = Mapping[int, StoredView]
@@ -135,43 +148,58 @@ def learnt(
     if not neighbours:
         return Belief.full(lobes)
     folds = [_Fold.of(views, index, around) for index, around in neighbours.items()]
-    residuals = {index: view.predicted for index, view in views.items()}
-    true = np.concatenate([fold.stored - fold.own(residuals) for fold in folds])
-    carried = np.concatenate([fold.carried(views, residuals, damped=True) for fold in folds])
-    weight = np.concatenate([fold.weight for fold in folds])
-    hats = np.concatenate([fold.hats for fold in folds])
-    trust = _trust(weight, hats, carried, true)
-    with_model = weight * (true - carried * (hats @ trust)[:, None]) ** 2
+    weight, hats, stored = (np.concatenate([getattr(f, name) for f in folds]) for name in ("weight", "hats", "stored"))
+    # ---- Model plus carried residuals, with the trust that brings these nearest to the true ones ----
+    predicted = {index: view.predicted for index, view in views.items()}
+    own = np.concatenate([fold.own(predicted) for fold in folds])
+    carried = np.concatenate([fold.carried(views, predicted, damped=True) for fold in folds])
+    trust = _trust(weight, hats, carried, stored - own)
+    modelled = own + carried * (hats @ trust)[:, None]
+    # ---- Against the paper's interpolation, angle by angle ----
+    plain = np.concatenate([fold.interpolated(views) for fold in folds])
+    worse = _errors(weight, hats, modelled - stored) > _errors(weight, hats, plain - stored)
+    if not worse.any():
+        return Belief(trust, np.ones(lobes), np.ones(NODES))
+    factors, scaled = _with_scaled_lobes(folds, views, by_lobe(), weight, stored)
+    if _errors(weight, hats, scaled - stored).sum() < _errors(weight, hats, modelled - stored).sum():
+        return Belief(np.ones(NODES), factors, _weight(weight, hats, scaled, plain, stored))
+    return Belief(trust, np.ones(lobes), _weight(weight, hats, modelled, plain, stored))
+
+
+def _errors(weight: Array, hats: Array, difference: Array) -> Array:
+    """Weighted squared error around each node."""
+    return np.asarray((weight * difference**2).sum(axis=1) @ hats)
+
+
+def _with_scaled_lobes(
+    folds: Sequence[_Fold], views: Views, by_lobe: list[dict[int, Array]], weight: Array, stored: Array
+) -> tuple[Array, Array]:
+    """Factors on the lobes with which the model helps an interpolation most, and the estimates that result.
+
+    With factors β the estimate is Σ w S + Σ_k β_k (P_k − Σ w P_k), linear in β.
+    """
     nothing = {index: np.zeros_like(view.predicted) for index, view in views.items()}
-    bare = np.concatenate([fold.stored - fold.carried(views, nothing, damped=False) for fold in folds])
-    without = weight * bare**2
-    if (with_model.sum(axis=1) @ hats <= without.sum(axis=1) @ hats).all():
-        return Belief(trust, np.ones(lobes))
-    return _scaled(folds, views, by_lobe(), (weight, bare), Belief(trust, np.ones(lobes)), float(with_model.sum()))
-
-
-def _scaled(
-    folds: Sequence[_Fold],
-    views: Views,
-    by_lobe: list[dict[int, Array]],
-    wanted: tuple[Array, Array],
-    otherwise: Belief,
-    error: float,
-) -> Belief:
-    """Factors on the lobes with which the model helps the interpolation most, if that errs less than `error`."""
-    weight, bare = wanted
-    root = np.sqrt(weight)
-    columns = []
-    for predicted in by_lobe:  # what the lobe adds to the interpolation: P_d − Σ w P_i, with S = P
-        own = np.concatenate([fold.own(predicted) for fold in folds])
-        nothing = {index: np.zeros_like(one) for index, one in predicted.items()}
+    bare = np.concatenate([fold.carried(views, nothing, damped=False) for fold in folds])
+    added = []
+    for predicted in by_lobe:
         as_stored = {index: replace(view, stored=predicted[index]) for index, view in views.items()}
-        moved = np.concatenate([fold.carried(as_stored, nothing, damped=False) for fold in folds])
-        columns.append((root * (own - moved)).ravel())
-    found = lsq_linear(np.stack(columns, axis=1), (root * bare).ravel(), bounds=(0, 1))
-    if 2 * found.cost >= error:
-        return otherwise
-    return Belief(np.ones(NODES), np.where(found.x > 1 - 1e-3, 1 - 1e-3, found.x))
+        own = np.concatenate([fold.own(predicted) for fold in folds])
+        added.append(own - np.concatenate([fold.carried(as_stored, nothing, damped=False) for fold in folds]))
+    root = np.sqrt(weight)
+    columns = np.stack([(root * one).ravel() for one in added], axis=1)
+    factors = lsq_linear(columns, (root * (stored - bare)).ravel(), bounds=(0, 1)).x
+    factors = np.minimum(factors, 1 - _SCALED)  # a full belief is another case
+    return factors, bare + np.tensordot(factors, np.stack(added), 1)
+
+
+def _weight(weight: Array, hats: Array, modelled: Array, plain: Array, stored: Array) -> Array:
+    """Weight of the model against the interpolation at the nodes.
+
+    What brings their mixture nearest to the stored maps, less a margin: a model that fails at some angle is believed
+    less than it seems to deserve at others, since the maps were predicted from farther away than new views will be.
+    """
+    nearest = _trust(weight, hats, modelled - plain, stored - plain)
+    return np.asarray(np.maximum(nearest - _MARGIN, 0) / (1 - _MARGIN))
 
 
 def _trust(weight: Array, hats: Array, carried: Array, true: Array) -> Array:
@@ -193,8 +221,8 @@ class _Fold:
         Its index.
     texels : tuple of ndarray of int
         Rows and columns of the texels.
-    neighbours : list of (int, ndarray, ndarray, ndarray)
-        Index of each neighbour, place of the texels in its image (2, n), weight c² and damping ρ² (n,).
+    neighbours : list of _Neighbour
+        Where the neighbours show what the texels show.
     stored, weight : ndarray, shape (n, 3)
         Stored radiance, and weight of a squared error: that of relMSE.
     hats : ndarray, shape (n, NODES)
@@ -203,7 +231,7 @@ class _Fold:
 
     view: int
     texels: tuple[NDArray[np.int64], NDArray[np.int64]]
-    neighbours: list[tuple[int, Array, Array, Array]]
+    neighbours: list[_Neighbour]
     stored: Array
     albedo: Array
     weight: Array
@@ -223,7 +251,10 @@ class _Fold:
             there = np.maximum(local[:, 2], _LEAST_COSINE)
             overlap = np.minimum(there, cosine) / np.maximum(there, cosine)
             place = np.stack([(1 - local[:, 1]) / 2 * size - 0.5, (local[:, 0] + 1) / 2 * size - 0.5])
-            neighbours.append((k, place, there**2, overlap**2))
+            apart = view.frame[:, 2] - views[k].frame[:, 2]
+            away = normals[:, :2] - (apart / np.linalg.norm(apart)) @ view.frame[:, :2]
+            fade = np.minimum(np.linalg.norm(away, axis=1) / FADE_RADIUS, 1)
+            neighbours.append(_Neighbour(k, place, there**2, overlap**2, fade))
         stored = view.stored[texels]
         mean = view.stored[view.covered].mean(axis=0)
         weight = 1 / np.maximum(stored**2 + (0.1 * mean) ** 2, 1e-30)
@@ -237,12 +268,46 @@ class _Fold:
     def carried(self, views: Views, predicted: Mapping[int, Array], *, damped: bool) -> Array:
         """Residuals S − P of the neighbours carried to this view, shape (n, 3); see `warped_residual`."""
         residual, total = np.zeros_like(self.stored), np.zeros(len(self.stored))
-        for k, place, trusted, overlap in self.neighbours:
-            image = _filled((views[k].stored - predicted[k]) / views[k].albedo, views[k].covered)
-            found = np.stack([map_coordinates(image[..., c], place, order=1, mode="nearest") for c in range(3)], axis=1)
-            residual += (trusted * (overlap if damped else 1))[:, None] * found
-            total += trusted
+        for one in self.neighbours:
+            view = views[one.view]
+            found = one.fetched((view.stored - predicted[one.view]) / view.albedo, view.covered)
+            residual += (one.trusted * (one.overlap if damped else 1))[:, None] * found
+            total += one.trusted
         return self.albedo * residual / total[:, None]
+
+    def interpolated(self, views: Views) -> Array:
+        """Maps of the neighbours warped and blended as in the paper, shape (n, 3)."""
+        radiance, total = np.zeros_like(self.stored), np.zeros(len(self.stored))
+        for one in self.neighbours:
+            radiance += one.fade[:, None] * one.fetched(views[one.view].stored, views[one.view].covered)
+            total += one.fade
+        return np.asarray(radiance / np.maximum(total, 1e-30)[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class _Neighbour:
+    """Where a neighbour shows what the texels of a view show: at the normals with the same mirror directions.
+
+    Attributes
+    ----------
+    view : int
+        Its index.
+    place : ndarray, shape (2, n)
+        Row and column in its image.
+    trusted, overlap, fade : ndarray, shape (n,)
+        Weight c² and damping ρ² of its residual, and the paper's confidence.
+    """
+
+    view: int
+    place: Array
+    trusted: Array
+    overlap: Array
+    fade: Array
+
+    def fetched(self, image: Array, covered: NDArray[np.bool_]) -> Array:
+        """Bilinear lookup of an image (N, N, 3) of the neighbour, shape (n, 3)."""
+        filled = _filled(image, covered)
+        return np.stack([map_coordinates(filled[..., c], self.place, order=1, mode="nearest") for c in range(3)], axis=1)
 
 
 def _test_normals(size: int) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]], Array]:

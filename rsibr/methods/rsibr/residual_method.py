@@ -8,6 +8,7 @@ whole map.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -29,15 +30,41 @@ from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.lobe_albedo import LobeAlbedo
 from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
-from rsibr.methods.rsibr.belief import Belief
+from rsibr.methods.rsibr.belief import Belief, node_table
 from rsibr.methods.rsibr.delta_light_lobes import DeltaLightLobes
 from rsibr.methods.rsibr.delta_lobe import EXACT, ROUGH
 from rsibr.methods.rsibr.residual_transport import clamped, trusted, warped_residual
 from rsibr.methods.warp_blend.blend import WEIGHTS, Mixture, triangle_mix
 from rsibr.methods.warp_blend.source_maps import SourceMaps
-from rsibr.methods.warp_blend.warp import MirrorWarp
-from rsibr.methods.warp_blend.warp_blend import WarpBlend
+from rsibr.methods.warp_blend.warp import WARPS, MirrorWarp, Warp
+from rsibr.methods.warp_blend.warp_blend import WarpBlend, blended
 from rsibr.store.map_file import MapFile
+
+
+@dataclass(eq=False)
+class Hedge:
+    """Interpolation of the stored maps, and the weight of model and residuals against it.
+
+    Attributes
+    ----------
+    interpolation : WarpBlend
+        `cabral1999` on the same maps.
+    weight : CosineTable
+        Weight of the model by cos θ.
+    """
+
+    interpolation: WarpBlend
+    weight: CosineTable
+
+    def toward(self, frame: mi.Matrix3f) -> tuple[Mixture, Sequence[Warp]]:
+        """Sources of the view of `frame`, and the warps to them."""
+        return self.interpolation._toward(frame)
+
+    def mixed(self, modelled: mi.Color3f, toward: tuple[Mixture, Sequence[Warp]], n: mi.Vector3f) -> mi.Color3f:
+        """Mixture with the interpolation at normals `n` in the new view's frame."""
+        mixture, warps = toward
+        plain = blended(self.interpolation.sources, mixture, [warp(n) for warp in warps])
+        return dr.lerp(plain, modelled, self.weight.colour(n.z))
 
 
 @dataclass(eq=False, repr=False)
@@ -60,8 +87,10 @@ class ResidualMethod(WarpBlend):
         Reflection of lights without extent; None if there are none.
     trust : CosineTable or None
         Trust in carried residuals by cos θ, see `belief.py`; None: full trust.
-    damps : bool
-        Whether a residual is damped where the footprints of the two views differ; not where the model is not believed.
+    believes : bool
+        Whether the model is believed. Otherwise residuals are neither damped where footprints differ, nor clamped.
+    hedge : Hedge or None
+        The paper's interpolation, where it is mixed in.
     """
 
     albedo: LobeAlbedo = field(kw_only=True)
@@ -70,15 +99,17 @@ class ResidualMethod(WarpBlend):
     carries_mirror: bool = True
     delta_lights: DeltaLightLobes | None = None
     trust: CosineTable | None = None
-    damps: bool = True
+    believes: bool = True
+    hedge: Hedge | None = None
 
     def image(self, columns: mi.Float, resolution: int) -> mi.Float:
         """Texels of a map; see `WarpBlend.image`."""
         # ---- Once a map: stored views and warps, tables of the prediction ----
         frame = frame_from(columns)
         toward = self._toward(frame) if self.uses_maps else None
+        across = self.hedge.toward(frame) if self.hedge else None
         tables = self._map_tables(frame, resolution)
-        dr.eval(frame, toward, tables)
+        dr.eval(frame, toward, across, tables)
         # ---- Each texel: prediction at the middle of its covered part, residual at its centre (section 8.4) ----
         texel = tiled_texels(resolution)
         p = texel_centre(texel, resolution)
@@ -87,6 +118,8 @@ class ResidualMethod(WarpBlend):
             radiance = self._whole_prediction(middle, frame, tables, resolution)
             if toward is not None:
                 radiance += self._residual(toward, n, self.albedo.at(middle.z), radiance)
+            if self.hedge is not None and across is not None:
+                radiance = self.hedge.mixed(radiance, across, n)
             return as_rgba(self._finished(radiance))
 
         # ---- Skip texels outside the disk ----
@@ -105,6 +138,8 @@ class ResidualMethod(WarpBlend):
             radiance += self.delta_lights.radiance(n, v)
         if self.uses_maps:
             radiance += self._residual(self._toward(frame), local, self.albedo.at(local.z), radiance)
+        if self.hedge is not None:
+            radiance = self.hedge.mixed(radiance, self.hedge.toward(frame), local)
         return self._finished(radiance)
 
     def residual_of(self, radiance: NDArray[np.float32], frame: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -150,10 +185,11 @@ class ResidualMethod(WarpBlend):
     def _residual(
         self, toward: tuple[Mixture, list[MirrorWarp]], n: mi.Vector3f, albedo: mi.Color3f, predicted: mi.Color3f
     ) -> mi.Color3f:
-        residual = albedo * warped_residual(self.sources, *toward, n, self.damps)
+        residual = albedo * warped_residual(self.sources, *toward, n, self.believes)
         if self.trust is not None:
             residual *= trusted(self.trust.at(n.z).x, toward[0])
-        return residual if self.keeps_negatives else clamped(residual, predicted, toward[0])
+        unbounded = self.keeps_negatives or not self.believes
+        return residual if unbounded else clamped(residual, predicted, toward[0])
 
     def _whole_prediction(
         self, n: mi.Vector3f, frame: mi.Matrix3f, tables: Any, resolution: int, mirror: bool = True
@@ -271,11 +307,21 @@ def residual_method(
         carries_mirror=options.separate_mirror is None,
         keeps_negatives=lobe is not None or inputs.bake.rendering != "rgb",
         delta_lights=DeltaLightLobes.of(inputs.light, [one for one in inputs.lobes if lobe in (None, one.name)]),
-        trust=None if belief is None else belief.trust_table(),
-        damps=belief is None or belief.is_full,
+        trust=None if belief is None else node_table(belief.residual),
+        believes=belief is None or belief.is_full,
+        hedge=_hedge(options, belief) if belief is not None and belief.is_hedged else None,
         **own,
     )
     if options.carries:
         stored = inputs.stored(lobe)
         made.sources = inputs.on_device([made.residual_of(options.carried_image(m), m.frame) for m in stored])
     return made
+
+
+def _hedge(options: ResidualOptions, belief: Belief) -> Hedge:
+    """Interpolation of the maps that `options` carries, with the weights of a belief."""
+    inputs, lobe = options.inputs, options.lobe
+    count = inputs.stored_count(lobe)
+    sources = inputs.on_device([inputs.image(m, lobe) for m in inputs.stored(lobe)]) if lobe else inputs.sources
+    warp, mix = WARPS[inputs.bake.manifest.material.warp], triangle_mix(WEIGHTS["area"])
+    return Hedge(WarpBlend("", inputs.first_views(count), sources, mix, warp), node_table(belief.weight))
