@@ -7,6 +7,7 @@ footprint (Heckbert 1989): a few lookups along the long axis, in an environment 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -19,14 +20,14 @@ from rsibr.geometry.to_device import to_device
 LookUp = Callable[["mi.Vector3f", "mi.Float"], "mi.Color3f"]
 """(direction, standard deviation of the blur [rad]) → radiance: a lookup of an `EnvironmentPyramid`."""
 
-DENSITY = 2.0
-"""Lookups over the ratio of the footprint's axes."""
-
 _REACH = 2.2  # standard deviations covered by the lookups, to either side
+_DENSITY = 2.0  # lookups over the ratio of the footprint's axes
 _MOST_LOOKUPS = 24
 _OVERLAP = 0.3  # minimum width of a lookup over the distance to the next one
 _LEAST_VIEW_COSINE = 1e-3  # view angle at which the shading frame is clamped
 _GRAZING = 0.02  # cosine below which a footprint is not elongated further
+_HERMITE = (-math.sqrt(3), 1 / 6), (0.0, 2 / 3), (math.sqrt(3), 1 / 6)
+_LEAST_TAP = 0.5  # minimum width of one of three lookups over σ∥
 _NARROWEST = 1e-9  # avoids 0/0 for a delta lobe at a point, whose footprint has no extent
 
 
@@ -57,6 +58,16 @@ class ShadingFrame:
         any_tangent = mi.Vector3f(mi.coordinate_system(n)[0])  # head-on the plane of incidence is arbitrary
         x = dr.select(squared > 1e-10, along * dr.rsqrt(dr.maximum(squared, 1e-10)), any_tangent)
         return cls(n, x, dr.cross(n, x), cosine, dr.sqrt(dr.maximum(1 - cosine * cosine, 0)))
+
+    @classmethod
+    def in_map(cls, n: mi.Vector3f, frame: mi.Matrix3f) -> ShadingFrame:
+        """Make the frame of unit normals `n` in the frame of a sphere map, columns x, y, v."""
+        sine = dr.sqrt(n.x * n.x + n.y * n.y)
+        outward = dr.rcp(dr.maximum(sine, 1e-6))
+        cosine = dr.clip(n.z, _LEAST_VIEW_COSINE, 1)
+        x, y = n.x * outward, n.y * outward  # zero head-on, where the footprint is round
+        toward = frame @ mi.Vector3f(-n.z * x, -n.z * y, sine)
+        return cls(frame @ n, toward, frame @ mi.Vector3f(y, -x, 0), cosine, sine)
 
     @property
     def v(self) -> mi.Vector3f:
@@ -112,12 +123,29 @@ class AnisotropicFootprint:
         along = sigma * sigma + texel / (cosine * cosine) - dr.square(cosine * across)
         return cls(shading, dr.sqrt(dr.maximum(along, 0)), across, mi.Float(centre))
 
+    def three_taps(self, look_up: LookUp) -> mi.Color3f:
+        """Mean radiance of three lookups along the plane of incidence.
+
+        Notes
+        -----
+        Gauss–Hermite rule of three points; each is weighted by h·v, the projected area of its microfacet
+        (docs/method.md, section 7.6).
+        """
+        light, weight = mi.Color3f(0), mi.Float(0)
+        for t, share in _HERMITE:
+            facet = dr.normalize(mi.Vector3f(t * self.along, 0, 1))
+            toward = dr.dot(facet, self.shading.v)
+            w = 2 * toward * facet - self.shading.v
+            counted = dr.select((toward > 0) & (w.z > 0), share * toward, 0)
+            light += counted * look_up(self.shading.to_world(w), self._width(facet, _LEAST_TAP * self.along))
+            weight += counted
+        return light / dr.maximum(weight, 1e-20)
+
     def gather(
         self,
         spreads: mi.Float,
         colour: Callable[[mi.Vector3f], tuple[mi.Vector3f, mi.Color3f]],
         look_up: LookUp,
-        density: float = DENSITY,
     ) -> tuple[mi.Color3f, mi.Color3f]:
         """Integrate radiance and weight over the footprint, with lookups in proportion to its axis ratio.
 
@@ -129,8 +157,6 @@ class AnisotropicFootprint:
             Microfacet normal → reflected view direction in the shading frame, and weight (RGB).
         look_up : callable
             Lookup of the environment.
-        density : float
-            Lookups over the ratio of the footprint's axes.
 
         Returns
         -------
@@ -143,7 +169,7 @@ class AnisotropicFootprint:
         """
         # ---- Number and distance of the lookups, minimum blur of each ----
         ratio = self.along / dr.maximum(dr.maximum(self.shading.cosine, _GRAZING) * self.across, _NARROWEST)
-        lookups = dr.clip(dr.ceil(density * ratio), 1, _MOST_LOOKUPS)
+        lookups = dr.clip(dr.ceil(_DENSITY * ratio), 1, _MOST_LOOKUPS)
         step, spread = 2 * _REACH / lookups, dr.gather(mi.Float, spreads, mi.UInt32(lookups))
         least = _OVERLAP * 2 * step * self.along
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,7 +23,7 @@ from rsibr.methods.rsibr.lobe_weights import lobe_weights
 from rsibr.methods.rsibr.matte_light import MatteLight
 from rsibr.methods.rsibr.narrow_gaussians import NarrowGaussians
 from rsibr.methods.rsibr.polar_grid import PolarGrid
-from rsibr.methods.rsibr.texel_mean import sides, texel_mean
+from rsibr.methods.rsibr.texel_mean import radial_mean
 from rsibr.methods.rsibr.wide_light import WideLight
 
 MapTables = tuple["mi.Float | None", "PolarGrid | None"]
@@ -38,9 +39,7 @@ class Fidelity:
     resolution : int
         Texels a side of the half-vector pyramid's level 0.
     ratio : float
-        Greatest ratio of the widths of Gaussians that share a footprint.
-    density : float
-        Lookups over the ratio of a footprint's axes.
+        Greatest ratio of the widths of Gaussians that share a footprint; if it is infinite, all do, with three lookups.
     between_levels : bool
         Whether footprints are interpolated between two levels of the environment pyramid; otherwise the nearest is
         taken.
@@ -48,7 +47,6 @@ class Fidelity:
 
     resolution: int
     ratio: float
-    density: float
     between_levels: bool
 
     def look_up(self, environment: EnvironmentPyramid) -> LookUp:
@@ -56,13 +54,14 @@ class Fidelity:
         return environment.blurred if self.between_levels else environment.nearest_blurred
 
 
-_STEP, _MOST = 0.12, 4  # angle of normals [rad] that one point of a texel stands for, and points a side at most
-_FLATTEST = 0.02  # cosine below which the points do not grow further in number
+_STEP, _MOST = 0.12, 4  # angle of normals [rad] that one point of a texel stands for, and points of a texel at most
+_FINE_MAP = 200  # texels a side from which one point stands for every texel, those at the rim too
+_FLATTEST = 0.02  # cosine below which their number does not grow further
 
-FAST = Fidelity(resolution=96, ratio=1e3, density=1.0, between_levels=False)
+FAST = Fidelity(resolution=96, ratio=math.inf, between_levels=False)
 """For `rsibr`."""
 
-FINE = Fidelity(resolution=192, ratio=1.6, density=2.0, between_levels=True)
+FINE = Fidelity(resolution=192, ratio=1.6, between_levels=True)
 """For `rsibr-fine`."""
 
 
@@ -118,9 +117,7 @@ class HalfVectorLobes:
             light=pyramid,
             levels=tables if whole.has_levels else [],
             balance=balance(all_tables, finest) if whole.has_levels else mi.Float(0),  # of the whole, so that parts add up
-            sharp=NarrowGaussians.of(
-                terms.narrow, parts.narrow, whole.sharp, ratio=fidelity.ratio, density=fidelity.density
-            ),
+            sharp=NarrowGaussians.of(terms.narrow, parts.narrow, whole.sharp, ratio=fidelity.ratio),
             wide=WideLight.of(terms.gaussians, parts.gaussians, finest),
             mirror=mirror_of(lobes, pyramid, light, part, density),
             matte=MatteLight.of(parts.matte, light),
@@ -136,7 +133,7 @@ class HalfVectorLobes:
         return balanced(pyramid, self.levels, self.balance) if self.levels else None, grid
 
     def radiance(
-        self, n: mi.Vector3f, frame: mi.Matrix3f, tables: MapTables, spacing: mi.Float, mirror: bool = True
+        self, n: mi.Vector3f, frame: mi.Matrix3f, tables: MapTables, resolution: int, mirror: bool = True
     ) -> mi.Color3f:
         """Prediction P: mean reflected radiance over a texel of a sphere map; docs/method.md, eq. 31.
 
@@ -148,8 +145,8 @@ class HalfVectorLobes:
             Columns x, y, v of the map's frame.
         tables : MapTables
             From `tables`.
-        spacing : mi.Float
-            Distance of neighbouring texels in radii of the disk.
+        resolution : int
+            Texels a side of the map.
         mirror : bool
             Whether to include the delta lobe.
 
@@ -158,14 +155,13 @@ class HalfVectorLobes:
         mi.Color3f
             [W sr⁻¹ m⁻²].
         """
-        side = sides(n, spacing / _STEP, 1, _MOST, _FLATTEST)
-        radiance = texel_mean(
-            n,
-            spacing,
-            side,
-            lambda normal: self._smooth(normal, frame, tables, spacing / mi.Float(dr.maximum(*side))),
-            "lobes_over_texel",
-        )
+        spacing = mi.Float(2 / resolution)
+        if resolution >= _FINE_MAP:
+            radiance = self._smooth(n, frame, tables, spacing)
+        else:
+            points = mi.UInt32(dr.clip(dr.ceil(spacing / (_STEP * dr.maximum(n.z, _FLATTEST))), 1, _MOST))
+            width = spacing / mi.Float(points)
+            radiance = radial_mean(n, spacing, points, lambda normal: self._smooth(normal, frame, tables, width))
         if self.mirror is not None and mirror:
             mirrored, share = self.mirror
             radiance += mirrored.mean_over_texel(n, frame, spacing, share.colour)
@@ -188,5 +184,5 @@ class HalfVectorLobes:
         # ---- Gaussians narrower than level 0: anisotropic footprints (section 7.6) ----
         if self.sharp is None:
             return radiance
-        shading = ShadingFrame.of(world, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
+        shading = ShadingFrame.in_map(n, frame)
         return radiance + self.sharp.radiance(shading, spacing, self.fidelity.look_up(self.light))

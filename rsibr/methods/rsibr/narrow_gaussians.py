@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rsibr.geometry.to_device import to_device
 from rsibr.lobes.facet_moments import NODES
-from rsibr.methods.rsibr.anisotropic_footprint import DENSITY, AnisotropicFootprint, LookUp, ShadingFrame, tap_spreads
+from rsibr.methods.rsibr.anisotropic_footprint import AnisotropicFootprint, LookUp, ShadingFrame, tap_spreads
 from rsibr.methods.rsibr.lobe_terms import GaussianTerm
 from rsibr.methods.rsibr.microfacet_reflection import reflected
 
@@ -36,15 +36,15 @@ class NarrowGaussians:
         Number of footprints (opaque).
     spreads : mi.Float
         From `rsibr.methods.rsibr.anisotropic_footprint.tap_spreads`.
-    density : float
-        Lookups over the ratio of a footprint's axes.
+    is_single : bool
+        Whether there is one footprint for all, so narrow that masking does not vary over it.
     """
 
     rows: mi.Float
     seen: mi.Float
     count: mi.UInt32
     spreads: mi.Float
-    density: float
+    is_single: bool
 
     @classmethod
     def of(
@@ -54,7 +54,6 @@ class NarrowGaussians:
         fractions: Array | None = None,
         *,
         ratio: float,
-        density: float = DENSITY,
     ) -> NarrowGaussians | None:
         """Put narrow Gaussians on the device.
 
@@ -65,9 +64,7 @@ class NarrowGaussians:
         fractions : ndarray, shape (terms, NODES), optional
             Fraction of each that is gathered, by angle; by default all.
         ratio : float
-            Greatest ratio of the widths that share a footprint.
-        density : float
-            Lookups over the ratio of a footprint's axes.
+            Greatest ratio of the widths that share a footprint; if it is infinite, all do.
 
         Returns
         -------
@@ -86,7 +83,7 @@ class NarrowGaussians:
             to_device(mi.Float, seen.astype(np.float32)),
             dr.opaque(mi.UInt32, len(groups)),
             tap_spreads(),
-            density,
+            is_single=bool(np.isinf(ratio)),
         )
 
     def radiance(self, shading: ShadingFrame, spacing: mi.Float, look_up: LookUp) -> mi.Color3f:
@@ -94,6 +91,10 @@ class NarrowGaussians:
         place = dr.sqrt(shading.cosine) * (NODES - 1)
         node = dr.minimum(mi.UInt32(place), NODES - 2)
         between = place - mi.Float(node)
+
+        if self.is_single:
+            seen = self._at(mi.UInt32(0), node, between, 0)
+            return _rgb(seen) * AnisotropicFootprint.of(shading, seen.w, spacing).three_taps(look_up)
 
         def gather(i: mi.UInt32, total: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f]:
             masking, plain, grazing = (dr.gather(mi.Vector4f, self.rows, _PACKETS * i + k) for k in range(_PACKETS))
@@ -106,7 +107,7 @@ class NarrowGaussians:
                 return w, factor * (weights + grazed_weights * grazed)
 
             footprint = AnisotropicFootprint.of(shading, seen.w, spacing, tilt.x)
-            light, weight = footprint.gather(self.spreads, colour, look_up, self.density)
+            light, weight = footprint.gather(self.spreads, colour, look_up)
             return i + 1, total + _rgb(seen) * light / dr.maximum(weight, 1e-20)
 
         _, total = dr.while_loop(
@@ -128,7 +129,9 @@ def _groups(terms: Sequence[GaussianTerm], members: list[int], ratio: float) -> 
     groups: list[list[int]] = []
     for k in sorted(members, key=lambda k: (terms[k].is_coated, terms[k].sigma)):
         first = terms[groups[-1][0]] if groups else None
-        if first is not None and (first.is_coated, True) == (terms[k].is_coated, terms[k].sigma <= ratio * first.sigma):
+        if np.isinf(ratio) and groups:
+            groups[-1].append(k)
+        elif first is not None and (first.is_coated, True) == (terms[k].is_coated, terms[k].sigma <= ratio * first.sigma):
             groups[-1].append(k)
         else:
             groups.append([k])

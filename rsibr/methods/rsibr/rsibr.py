@@ -59,7 +59,7 @@ class Rsibr(ResidualMethod):
     def _predicted(
         self, n: mi.Vector3f, frame: mi.Matrix3f, tables: MapTables, resolution: int, *, mirror: bool = True
     ) -> mi.Color3f:
-        return self.lobes.radiance(n, frame, tables, mi.Float(2 / resolution), mirror)
+        return self.lobes.radiance(n, frame, tables, resolution, mirror)
 
 
 @register(

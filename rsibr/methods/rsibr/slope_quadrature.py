@@ -24,7 +24,7 @@ from rsibr.methods.rsibr.polar_grid import RINGS
 
 Array = NDArray[np.float64]
 
-POINTS = 256
+POINTS = 160
 """Points a ring, if all Gaussians are bare or all are coated; for either kind in proportion to the root of its share."""
 
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))

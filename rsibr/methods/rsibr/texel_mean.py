@@ -87,3 +87,42 @@ def sides(
         return mi.UInt32(dr.clip(dr.ceil(step * dr.sqrt(dr.fma(place * place, stretch, 1))), fewest, most))
 
     return count(n.x), count(n.y)
+
+
+def radial_mean(
+    n: mi.Vector3f, spacing: mi.Float, points: mi.UInt32, seen: Callable[[mi.Vector3f], mi.Color3f]
+) -> mi.Color3f:
+    """Mean of `seen` along the radius over the part of each texel inside the disk.
+
+    Along the radius the normals of a texel at the rim spread 1/cos θ times as far as across it.
+
+    Parameters
+    ----------
+    n : mi.Vector3f
+        Unit normals at the middle of the covered part of each texel, in the map's frame; see `covered_middle`.
+    spacing : mi.Float
+        Distance of neighbouring texels in radii of the disk.
+    points : mi.UInt32
+        Number of samples; a single one is taken at `n`.
+    seen : callable
+        Unit normals in the map's frame → radiance [W sr⁻¹ m⁻²].
+    """
+    radius, half = dr.sqrt(n.x * n.x + n.y * n.y), 0.5 * spacing
+    is_cut = radius + half > 1
+    reach = dr.select(is_cut, 1 - radius, half)  # from the middle to either end
+    outward = dr.rcp(dr.maximum(radius, 1e-6))
+
+    def add(k: mi.UInt32, total: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f]:
+        r = radius + reach * ((2 * mi.Float(k) + 1) / mi.Float(points) - 1)
+        scale = dr.select(points > 1, r * outward, 1)
+        height = dr.sqrt(dr.maximum(1 - r * r, 0))
+        return k + 1, total + seen(mi.Vector3f(n.x * scale, n.y * scale, dr.select(points > 1, height, n.z)))
+
+    _, total = dr.while_loop(
+        state=(mi.UInt32(0), dr.zeros(mi.Color3f, 1)),
+        cond=lambda k, _total: k < points,
+        body=add,
+        labels=("k", "total"),
+        label="radial_mean",
+    )
+    return total / mi.Float(points)

@@ -84,6 +84,7 @@ class WideLight:
             labels=("k", "light"),
             label="wide_gaussians",
         )
+        dr.eval(light)  # once, not for each channel
         return PolarGrid.of(mi.Color3f(*(dr.block_sum(channel, _STRIDE) for channel in light)))
 
     def radiance(self, n: mi.Vector3f, grid: PolarGrid) -> mi.Color3f:
