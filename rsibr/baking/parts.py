@@ -156,6 +156,13 @@ class SceneParts:
         made = self._once(("integrator", rendering, keeps_apart, clamp, options), built, rendering)
         return made if made.coverage.shape[0] == resolution else made.at_resolution(resolution)
 
+    def release(self) -> None:
+        """Release everything made from the environment and the material; each part is made again at its next use."""
+        self._made.clear()
+        del self._seconds[1:]  # of loading alone, whose results stay
+        for name in ("bsdf", "probes"):
+            self.__dict__.pop(name, None)
+
     def _once(self, key: Any, make: Callable[[], _T], rendering: Rendering) -> _T:
         """Return the cached value of `key`, or make it in the variant of `rendering`."""
         if key not in self._made:

@@ -97,7 +97,7 @@ def _check(needed: float, there: float, what: str, place: str, where: str, fix: 
 
 
 def _views(study: StudyConfig, size: BakeSize) -> int:
-    return len(load_viewpoints(study.scenes[0].views)) if size.subdivision is None else VIEW_COUNTS[size.subdivision]
+    return len(load_viewpoints(study.base.views)) if size.subdivision is None else VIEW_COUNTS[size.subdivision]
 
 
 def _map_bytes(views: int, size: BakeSize) -> float:
