@@ -87,7 +87,7 @@ class BakedMaps:
         )
 
     def _beside(self, variant: Variant, method: Method, error: ErrorRecord) -> dict[str, Any]:
-        """What is judged beside the error of the pictures: noise, lobes, `eval`; None where only errors are asked for."""
+        """What is judged beside the pictures: noise, lobes, `eval`; None where only errors are asked for."""
         if self.judged.judge.errors_only:
             return dict.fromkeys(("noise", "bias", "lobes", "eval_rel_mse", "eval_seconds"))
         eval_rel_mse, eval_seconds = self._eval_of(method)

@@ -56,7 +56,8 @@ class Rates(Record):
     methods: dict[str, MethodRates]
     decode_seconds: Positive = Field(description="one map is read and decoded")
     compare_seconds: Positive = Field(description="a picture is compared with its reference")
-    figure_seconds: Positive = Field(description="one figure of the page")
+    reread_seconds: Positive = Field(description="a reference is read again for the page")
+    figure_seconds: Positive = Field(description="one figure of the page; 0 where it has none")
 
     def frame_work(self, method: str, texels: float, repeats: int) -> float:
         """Time that one more judged view adds to a point [s]; `texels` are those that are judged."""

@@ -135,7 +135,7 @@ class PointRecord(Record):
     bake: BakeRecord
     error: ErrorRecord
     noise: Positive | None = Field(
-        description="part of relMSE from the noise of the maps, predicted by their stored variance; null where not judged"
+        description="part of relMSE from the noise of the maps, by their stored variance; null where not judged"
     )
     bias: EstimateModel | None = Field(
         description="the rest of relMSE, independent of the samples of the bake; null where not judged"

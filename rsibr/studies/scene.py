@@ -117,7 +117,6 @@ class StudyScene:
         """Everything that a picture of this scene depends on."""
         return {**self.content, "resolution": self.resolution, "judging code": source_digest(*JUDGING)}
 
-
     def release(self) -> None:
         """Release what was made of the scene for rendering; it is made again where it is needed."""
         self.__dict__.pop("tracer", None)

@@ -131,6 +131,7 @@ class _Probe:
             methods=methods,
             decode_seconds=self._decode(),
             compare_seconds=self._compare(),
+            reread_seconds=_seconds(self.bench.judged.record) / len(self.bench.judged.frames),
             figure_seconds=self._figure([timed.point for timed in points]),
         )
 

@@ -173,8 +173,7 @@ def noise_floor(reference: Reference) -> float:
 
 
 def zone_shares(reference: Reference) -> dict[str, float]:
-    """Share of the judged texels, those with coverage ≥ ½, in each of `ZONES`; the errors of all zones, weighted with
-    them, add up to that of the map."""
+    """Share of the texels with coverage ≥ ½ in each of `ZONES`: weights with which their errors sum up to the map's."""
     return {name: float(inside.mean()) for name, inside in _zones(reference.coverage >= COVERED).items()}
 
 
