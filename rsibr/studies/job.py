@@ -15,11 +15,12 @@ PREPARED_BYTES = 150
 
 
 def study_job(benches: Sequence[Bench], agenda: Agenda, seconds: float) -> JobSize:
-    """Bytes of the missing bakes of a study, memory of its largest one, and the time of all steps."""
+    """Bytes of the missing bakes of a study that stay, memory of its largest one, and the time of all steps."""
     missing = [(bench, size) for bench in benches for size in _missing(bench, agenda)]
     texels = [view_count(bench.scene, size) * size.resolution**2 for bench, size in missing]
     lobes = [len(bench.scene.prepared.parts.split.names) for bench, _ in missing]
-    disk = sum(LIGHT_BYTES + NOISY_SHARE * 4 * count * (3 * k + 4) for count, k in zip(texels, lobes, strict=True))
+    sizes = [LIGHT_BYTES + NOISY_SHARE * 4 * count * (3 * k + 4) for count, k in zip(texels, lobes, strict=True)]
+    disk = sum(sizes) if benches[0].judged.judge.keep_bakes else max(sizes, default=0)
     name = f"study of {len(missing)} bake{'s' * (len(missing) != 1)}"
     return JobSize(name, disk=round(disk), memory=PREPARED_BYTES * max(texels, default=0), seconds=seconds)
 

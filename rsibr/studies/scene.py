@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rsibr.backend import Rendering
 from rsibr.baking.finished import baking_code
+from rsibr.baking.loader import Loader
 from rsibr.baking.scene import Scene
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.novel_views import novel_views
@@ -125,7 +126,8 @@ class StudyScene:
 
 def load_scenes(study: StudyConfig, resolution: int) -> list[StudyScene]:
     """Prepare every scene of a study and give it a unique name."""
-    prepared = [(Scene.prepare(scene.config), scene.title) for scene in study.scenes]
+    loader = Loader()
+    prepared = [(Scene.prepare(scene.config, loader=loader), scene.title) for scene in study.scenes]
     materials = _names({_of_material(scene): title.name or _with_warp(scene) for scene, title in prepared})
     environments = _names({scene.environment.digest: scene.environment.name for scene, _ in prepared})
     found = []
