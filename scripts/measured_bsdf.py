@@ -51,7 +51,7 @@ def normal_distribution(cosine: Array) -> Array:
 
 def projected_area(cosine: Array) -> Array:
     """Area σ(i) of the microfacets that face a direction, projected onto it: ∫ D(m) max(i·m, 0) dm."""
-    u, phi = (np.arange(2048) + 0.5) / 2048, (np.arange(256) + 0.5) / 256 * np.pi
+    u, phi = (np.arange(512) + 0.5) / 512, (np.arange(64) + 0.5) / 64 * np.pi
     theta = u**2 * np.pi / 2
     weight = normal_distribution(np.cos(theta)) * np.sin(theta) * np.pi * u / len(u) * 2 * np.pi / len(phi)
     sine = np.sqrt(1 - cosine**2)

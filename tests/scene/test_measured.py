@@ -1,0 +1,65 @@
+"""The synthetic `measured` material: the file is what its script writes, and Mitsuba reads its closed form from it."""
+
+from __future__ import annotations
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from rsibr.geometry.sphere_interaction import interaction
+from rsibr.scene.config import MaterialConfig
+from rsibr.scene.material import load_material
+from tests.measured_file import load
+
+measured = load()
+
+
+@pytest.fixture(scope="module")
+def bsdf():
+    return load_material(MaterialConfig(bsdf={"type": "measured", "filename": str(measured.FILE)})).bsdf()
+
+
+def directions(count: int, seed: int):
+    """Directions of the upper hemisphere down to a cosine of 0.05; shape (3, count)."""
+    generator = np.random.default_rng(seed)
+    z, phi = generator.uniform(0.05, 1, count), generator.uniform(0, 2 * np.pi, count)
+    sine = np.sqrt(1 - z**2)
+    return np.stack([sine * np.cos(phi), sine * np.sin(phi), z]).astype(np.float32)
+
+
+def test_the_file_is_that_of_its_script():
+    assert measured.tensor_file(measured.fields()) == measured.FILE.read_bytes()
+
+
+def test_normals_cover_the_surface_once():
+    """∫ D cos θ dω = 1, up to the tail beyond the last slope of the sum; the area seen head on is 1."""
+    cosine = (np.arange(400_000) + 0.5) / 400_000
+    assert 2 * np.pi * np.mean(measured.normal_distribution(cosine) * cosine) == pytest.approx(1, abs=1e-3)
+    assert measured.projected_area(np.ones(1))[0] == pytest.approx(1, abs=1e-3)
+    assert measured.normal_distribution(np.ones(1)) == pytest.approx(1 / (np.pi * measured.ALPHA**2))
+
+
+def test_mitsuba_reads_the_closed_form(bsdf):
+    """F D G₁(i) G₁(o) / (4 cos θ_i), within what tables of 24² nodes hold."""
+    i, o = directions(20_000, 0), directions(20_000, 1)
+    half = (i + o) / np.linalg.norm(i + o, axis=0)
+    spread = measured.normal_distribution(half[2]) * measured.masking(i[2]) * measured.masking(o[2]) / (4 * i[2])
+    wanted = measured.reflectance((i * half).sum(axis=0)) * spread[:, None]
+    found = np.array(bsdf.eval(mi.BSDFContext(), interaction(mi.Vector3f(i)), mi.Vector3f(o))).T
+    assert np.median(np.abs(found / wanted - 1)) < 0.01
+    assert found.sum() == pytest.approx(wanted.sum(), rel=0.02)
+
+
+@pytest.mark.parametrize("cosine", [1.0, 0.7, 0.4, 0.1])
+def test_it_reflects_at_most_all_and_is_sampled_as_it_is(bsdf, cosine):
+    """The mean weight of its samples is the sum of its values over the hemisphere."""
+    count = 2**16
+    view = mi.Vector3f(np.tile(np.array([[np.sqrt(1 - cosine**2)], [0], [cosine]], np.float32), count))
+    u = np.random.default_rng(2).random((4, count)).astype(np.float32)
+    context, si = mi.BSDFContext(), interaction(view)
+    _, weight = bsdf.sample(context, si, mi.Float(0.5), mi.Point2f(u[:2]))
+    wo = mi.warp.square_to_uniform_hemisphere(mi.Point2f(u[2:]))
+    albedo = 2 * np.pi * np.array(bsdf.eval(context, si, wo)).mean(axis=1)
+    sampled = np.array(weight).mean(axis=1)
+    assert sampled == pytest.approx(albedo, rel=0.05)
+    assert (sampled < 1).all()
