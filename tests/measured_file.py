@@ -1,4 +1,4 @@
-"""The script that writes the synthetic file of the plugin `measured`, loaded as a module: it is no part of the package."""
+"""The script that writes the synthetic file of the plugin `measured`, which is no part of the package."""
 
 from __future__ import annotations
 
