@@ -1,10 +1,10 @@
-"""Writes `scenes/materials/long-tails.bsdf`: a synthetic material in the file format of Mitsuba's plugin `measured`.
+"""Writes `scenes/materials/hazy-bronze.bsdf`: a synthetic material in the file format of Mitsuba's plugin `measured`.
 
-The material is a rough metal whose normals are distributed as Student's t, between Beckmann's and GGX's tails and
-beyond: of γ = 1.6 they are longer than GGX's, whose γ is 2 (Ribardière, Bringier, Meneveaux, Simonot, 2017, *STD:
-Student's t-Distribution of Slopes*). Masking is Smith's, from the projected area that the file holds in any case. The
-format is that of Dupuy & Jakob (2018), *An Adaptive Parameterization for Efficient Material Acquisition and Rendering*,
-with a uniform `vndf`, so that its places are those of the microfacet normals themselves.
+Its microfacet normals are a mixture of two GGX distributions, a sharp core in a wide haze: longer tails than either
+distribution has that Mitsuba names. Masking is Smith's (Heitz 2014, *Understanding the Masking-Shadowing Function*),
+from the projected area that the file holds in any case. The format is that of Dupuy & Jakob (2018), *An Adaptive
+Parameterization for Efficient Material Acquisition and Rendering*, with a uniform `vndf`, so that places of the tables
+are microfacet normals themselves.
 
     python scripts/measured_bsdf.py [FILE]
 """
@@ -19,11 +19,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-FILE = Path(__file__).parents[1] / "scenes" / "materials" / "long-tails.bsdf"
+FILE = Path(__file__).parents[1] / "scenes" / "materials" / "hazy-bronze.bsdf"
 
-ALPHA, GAMMA = 0.15, 1.6
+LOBES = ((0.6, 0.08), (0.4, 0.4))
+"""Share and α of each GGX distribution."""
+
 F0 = np.array([0.75, 0.5, 0.25])
-"""Reflectance at normal incidence, a bronze; Schlick (1994) beyond it."""
+"""Reflectance at normal incidence; Schlick (1994) beyond it."""
 
 SIDE = 24
 """Nodes a side of the tables over microfacet normals."""
@@ -43,34 +45,24 @@ Array = NDArray[np.float64]
 
 
 def normal_distribution(cosine: Array) -> Array:
-    """Density D(m) of microfacet normals [sr⁻¹]; ∫ D cos θ dω = 1. Ribardière et al. (2017)."""
-    tangent2 = 1 / np.maximum(cosine, 1e-9) ** 2 - 1
-    scale = (GAMMA - 1) * ALPHA**2
-    return (GAMMA - 1) * scale ** (GAMMA - 1) / (np.pi * np.maximum(cosine, 1e-9) ** 4 * (scale + tangent2) ** GAMMA)
+    """Density D(m) of microfacet normals [sr⁻¹]; ∫ D cos θ dω = 1."""
+    squares = ((share, alpha**2) for share, alpha in LOBES)
+    return np.sum([share * a2 / (np.pi * ((a2 - 1) * cosine**2 + 1) ** 2) for share, a2 in squares], axis=0)
 
 
 def projected_area(cosine: Array) -> Array:
-    """Area σ(i) of the microfacets that face a direction, projected onto it: ∫ D(m) max(i·m, 0) dm."""
-    u, phi = (np.arange(512) + 0.5) / 512, (np.arange(64) + 0.5) / 64 * np.pi
-    theta = u**2 * np.pi / 2
-    weight = normal_distribution(np.cos(theta)) * np.sin(theta) * np.pi * u / len(u) * 2 * np.pi / len(phi)
-    sine = np.sqrt(1 - cosine**2)
-    facing = (
-        np.maximum(c * np.cos(theta)[:, None] + s * np.sin(theta)[:, None] * np.cos(phi), 0).sum(axis=1)
-        for c, s in zip(cosine, sine, strict=True)
-    )
-    return np.array([weight @ row for row in facing])
+    """Area σ(i) = ∫ D(m) max(i·m, 0) dm of the microfacets that face a direction; of each GGX in closed form."""
+    roots = [share * np.sqrt(cosine**2 + alpha**2 * (1 - cosine**2)) for share, alpha in LOBES]
+    return (cosine + np.sum(roots, axis=0)) / 2
 
 
 def masking(cosine: Array) -> Array:
-    """Smith's G₁ = cos θ / σ(θ), from a table; 0 below the horizon."""
-    nodes = np.linspace(0, 1, FINE)
-    table = nodes / projected_area(nodes)
-    return np.where(cosine > 0, np.interp(cosine, nodes, table), 0)
+    """Smith's G₁ = cos θ / σ(θ); 0 below the horizon."""
+    return np.maximum(cosine, 0) / projected_area(np.maximum(cosine, 0))
 
 
 def reflectance(cosine: Array) -> Array:
-    """Fresnel reflectance by the cosine to the microfacet; shape (..., 3). Schlick (1994)."""
+    """Fresnel reflectance by the cosine to the microfacet; shape (..., 3)."""
     return F0 + (1 - F0) * ((1 - np.clip(cosine, 0, 1)) ** 5)[..., None]
 
 
@@ -83,17 +75,17 @@ def fields() -> dict[str, NDArray[np.generic]]:
     dot = np.cos(angle) * np.cos(theta) + np.sin(angle) * np.sin(theta) * np.cos(phi)
     outgoing = 2 * dot * np.cos(theta) - np.cos(angle)
     rgb = reflectance(dot) * (masking(outgoing) * (dot > 0))[..., None]
-    area = projected_area(np.cos(incident))[:, None, None]
-    spread = normal_distribution(np.cos(theta)) / area * 2 * np.pi**2 * u * np.sin(theta) * np.maximum(dot, 0)
-    density = rgb.mean(axis=-1) * spread
-    fine = np.linspace(0, 1, FINE) ** 2 * np.pi / 2
+    # ---- Density of sampling over (u, v): the value, times the solid angle of directions that a normal stands for ----
+    solid = 2 * np.pi**2 * u * np.sin(theta) * 4 * np.maximum(dot, 0)
+    density = rgb.mean(axis=-1) * normal_distribution(np.cos(theta)) / (4 * projected_area(np.cos(angle))) * solid
+    fine = np.cos(np.linspace(0, 1, FINE) ** 2 * np.pi / 2)
     return {
-        "description": np.frombuffer(b"synthetic: Student's t, alpha 0.15, gamma 1.6", np.uint8),
+        "description": np.frombuffer(b"synthetic: two GGX distributions, a core in a haze", np.uint8),
         "jacobian": np.ones(1, np.uint8),
         "phi_i": np.zeros(1, np.float32),
         "theta_i": incident.astype(np.float32),
-        "ndf": np.tile(normal_distribution(np.cos(fine)), (2, 1)).astype(np.float32),
-        "sigma": np.tile(projected_area(np.cos(fine)), (2, 1)).astype(np.float32),
+        "ndf": np.tile(normal_distribution(fine), (2, 1)).astype(np.float32),
+        "sigma": np.tile(projected_area(fine), (2, 1)).astype(np.float32),
         "vndf": np.ones((1, VIEWS, 2, 2), np.float32),
         "luminance": np.maximum(density, SEEN * density.max()).astype(np.float32)[None],
         "rgb": np.moveaxis(rgb, -1, 1).astype(np.float32)[None],
