@@ -13,7 +13,10 @@ from rsibr.errors import printable
 if TYPE_CHECKING:
     from rsibr.studies.classes import ClassRecord
 
-COLUMNS = ("class", "pairs", "whole disk", "inner r < 2/3", "outer", "energy", "worst pair", "its error lies in")
+COLUMNS = ("class", "pairs", "whole disk", "r < 2/3", "r > 2/3", "energy", "worst pair", "errs most in · worst texel")
+
+WIDTH = 175
+"""Minimum width of the table, in characters: no name of the zoo is cut off."""
 
 
 def print_classes(classes: Sequence[ClassRecord]) -> None:
@@ -28,7 +31,7 @@ def print_classes(classes: Sequence[ClassRecord]) -> None:
 
     for method, rows in groupby(classes, key=lambda row: row.method):
         typer.echo(
-            f"\n{method}: relMSE of {baseline_method()} over its own, geometric mean · least, the worst class first"
+            f"\n{method}: relMSE of {baseline_method()} over its own, geometric mean · least, the worst class on top"
         )
         table = Table(box=SIMPLE_HEAD)
         for heading in COLUMNS:
@@ -39,4 +42,4 @@ def print_classes(classes: Sequence[ClassRecord]) -> None:
             table.add_row(
                 name, str(row.pairs), *parts, number(row.energy_ratio, 4), printable(row.worst.name), place(row.worst)
             )
-        print_table(table)
+        print_table(table, WIDTH)

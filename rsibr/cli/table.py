@@ -11,10 +11,10 @@ TABLE_WIDTH = 150
 """Minimum width of a table, in characters."""
 
 
-def print_table(table: Table) -> None:
-    """Print a table as it stands: no markup, no highlighting."""
+def print_table(table: Table, width: int = TABLE_WIDTH) -> None:
+    """Print a table as it stands, without markup and highlighting, at least `width` characters wide."""
     from rich.console import Console
 
     console = Console(highlight=False, markup=False)
-    console.width = max(console.width, TABLE_WIDTH)  # without a terminal Rich assumes a narrow one
+    console.width = max(console.width, width)  # without a terminal Rich assumes a narrow one
     console.print(table)

@@ -119,9 +119,8 @@ def gains(record: GainRecord | None) -> str:
 
 
 def place(pair: PairRecord) -> str:
-    """Say where on the disk a method errs: the zone of most of its error, and the worst texel."""
-    worst = pair.place
-    return f"{pair.zone}; worst texel at ({worst.s:.2f}, {worst.t:.2f}), radius {worst.radius:.2f}"
+    """Say where on the disk a method errs: the zone of most of its error, and the worst texel (s, t)."""
+    return f"{pair.zone} · ({pair.place.s:.2f}, {pair.place.t:.2f})"
 
 
 def slope(record: SlopeRecord | None) -> str:

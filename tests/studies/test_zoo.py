@@ -72,20 +72,24 @@ def test_what_it_writes_holds_the_classes(zoo):
 
 @pytest.mark.slow
 def test_killed_at_any_step_it_goes_on_and_ends_as_if_never_killed(zoo, asymmetric_environment, tmp_path):
-    settings, seen = zoo_tables(asymmetric_environment), []
-    for last in (3, 6, 5):
+    settings = zoo_tables(asymmetric_environment)
 
-        def stop(state, last=last, run=seen):
-            run.append(state.step)
-            if len(run) % 20 == last:
+    def killed_after(steps):
+        seen = []
+
+        def stop(state):
+            seen.append(state.step)
+            if len(seen) > steps:
                 raise KilledError
 
-        seen.clear()
+        return stop
+
+    for steps in (2, 4, 3):
         with pytest.raises(KilledError):
-            study(settings, out=tmp_path, on_progress=stop)
+            study(settings, out=tmp_path, on_progress=killed_after(steps))
     again = []
     found = study(settings, out=tmp_path, on_progress=lambda state: again.append(state.step))
-    assert 1 < len(again) < 2 * (2 + 1 + 3) + 1
+    assert len(again) <= 2 * (2 + 1 + 3) + 1 - (2 + 4 + 3) + 1  # "done" is one more, and a bake may be opened again
     assert found.document.classes == zoo.document.classes
     assert [[point.error for point in scene.points] for scene in found.document.scenes] == [
         [point.error for point in scene.points] for scene in zoo.document.scenes
