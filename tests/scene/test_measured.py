@@ -6,6 +6,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from rsibr.errors import InputError
 from rsibr.geometry.sphere_interaction import interaction
 from rsibr.scene.config import MaterialConfig
 from rsibr.scene.material import load_material
@@ -65,3 +66,13 @@ def test_it_reflects_at_most_all_and_is_sampled_as_it_is(bsdf, cosine):
     sampled = np.array(weight).mean(axis=1)
     assert sampled == pytest.approx(albedo, rel=0.05)
     assert (sampled < 1).all()
+
+
+def test_the_spectral_form_is_refused_in_one_line(tmp_path):
+    content = measured.fields()
+    content["spectra"] = content.pop("rgb")
+    content["wavelengths"] = np.array([400, 550, 700], np.float32)
+    (tmp_path / "spectral.bsdf").write_bytes(measured.tensor_file(content))
+    with pytest.raises(InputError, match="spectral format") as refused:
+        load_material(MaterialConfig(bsdf={"type": "measured", "filename": str(tmp_path / "spectral.bsdf")}))
+    assert "\n" not in str(refused.value)
