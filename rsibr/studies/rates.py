@@ -81,5 +81,5 @@ def preparations(scene: StudyScene, method: str, judge: JudgeConfig) -> int:
     """Times that a point of a method makes it ready: with the maps, with noisy maps, and for each lobe by itself."""
     if judge.errors_only:
         return 1
-    lobes = scene.prepared.parts.split.names if judged_by_lobe(method) and scene.prepared.keeps_apart else []
+    lobes = scene.lobe_names if judged_by_lobe(method) and scene.prepared.keeps_apart else []
     return 2 + (len(lobes) if len(lobes) > 1 else 0)

@@ -151,6 +151,8 @@ class _Run:
         job = study_job(self.benches, self.agenda, expected)
         job.admit(self.folder, allow_large)
         on_forecast(job)
+        for bench in self.benches[1:]:  # the first is prepared already, by the measurement of the speed
+            bench.scene.release()
         self._note("preparation", self._elapsed, self._elapsed)
         self._work(todo, page_seconds, on_progress)
         document, drawn = self._told(page_seconds)

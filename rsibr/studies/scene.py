@@ -93,6 +93,11 @@ class StudyScene:
         return ColourEffects.of(self.config).rendering
 
     @cached_property
+    def lobe_names(self) -> list[str]:
+        """Names of the lobes of the material; they stay known when the scene is released."""
+        return list(self.prepared.parts.split.names)
+
+    @cached_property
     def tracer(self) -> PathTracer:
         """Path tracer at the judged resolution, compiled once."""
         return PathTracer(self.environment, self.material, self.resolution, self.rendering)
@@ -119,7 +124,11 @@ class StudyScene:
         return {**self.content, "resolution": self.resolution, "judging code": source_digest(*JUDGING)}
 
     def release(self) -> None:
-        """Release what was made of the scene for rendering; it is made again where it is needed."""
+        """Release what was made of the scene for rendering; it is made again where it is needed.
+
+        Every BSDF that lives is compiled into every kernel that traces paths, of whatever scene: Dr.Jit dispatches over
+        all instances.
+        """
         self.__dict__.pop("tracer", None)
         self.prepared.parts.release()
 
