@@ -12,6 +12,7 @@ from pydantic import Field
 from rsibr.methods.registry import baseline_method
 from rsibr.studies.agenda import Variant, variant_as_is
 from rsibr.studies.results import PlaceRecord, PointRecord, Positive, Record, SceneRecord
+from rsibr.validation.report.estimate_document import EstimateModel
 
 PARTS: dict[str, tuple[str, ...]] = {"inner": ("inner",), "outer": ("middle", "rim")}
 """Parts of the disk by the zones of `rsibr.validation.metrics.ZONES` in them: within 2/3 of its radius, and beyond."""
@@ -23,7 +24,10 @@ class GainRecord(Record):
     """relMSE of the baseline over that of the method; an error below its noise floor counts as the noise floor."""
 
     mean: Positive = Field(description="geometric mean over the pairs")
-    least: Positive = Field(description="of the pair where it is least; below 1 the method errs more")
+    least: Positive = Field(
+        description="of the pair where it is least, among those that are told if any is; below 1 the method errs more"
+    )
+    untold: int = Field(description="pairs of which a gain is not told: an error is below its noise floor")
 
 
 class PairRecord(Record):
@@ -53,7 +57,7 @@ class ClassRecord(Record):
     gain_inner: GainRecord | None = Field(description="within 2/3 of the radius of the disk")
     gain_outer: GainRecord | None = Field(description="beyond it: middle and rim together")
     energy_ratio: float | None = Field(description="of the pair where it is farthest from 1")
-    worst: PairRecord = Field(description="pair with the least gain")
+    worst: PairRecord = Field(description="pair with the least gain, among those that are told if any is")
 
 
 def classes_of(scenes: Sequence[SceneRecord]) -> list[ClassRecord]:
@@ -82,6 +86,19 @@ def classes_of(scenes: Sequence[SceneRecord]) -> list[ClassRecord]:
     return records
 
 
+@dataclass(frozen=True)
+class _Gain:
+    """Error of the baseline over that of the method, and whether both are above their noise floors."""
+
+    value: float
+    is_told: bool
+
+    @classmethod
+    def of(cls, baseline: EstimateModel, error: EstimateModel) -> _Gain:
+        ratio = max(baseline.resolved, _LEAST) / max(error.resolved, _LEAST)
+        return cls(ratio, not (baseline.below_noise_floor or error.below_noise_floor))
+
+
 @dataclass(frozen=True, eq=False)
 class _Pair:
     """A point and that of the baseline on the same bake."""
@@ -91,26 +108,26 @@ class _Pair:
     baseline: PointRecord
 
     @property
-    def gain(self) -> float:
-        return _gain(self.baseline.error.rel_mse.resolved, self.point.error.rel_mse.resolved)
+    def gain(self) -> _Gain:
+        return _Gain.of(self.baseline.error.rel_mse, self.point.error.rel_mse)
 
-    def gain_in(self, part: str) -> float | None:
+    def gain_in(self, part: str) -> _Gain | None:
         """Gain in a part of the disk; None if no judged texel lies in it."""
-        ours, theirs = (self._resolved_in(point, PARTS[part]) for point in (self.point, self.baseline))
-        return None if ours is None or theirs is None else _gain(theirs, ours)
+        theirs, ours = (self._error_in(point, PARTS[part]) for point in (self.baseline, self.point))
+        return None if theirs is None or ours is None else _Gain.of(theirs, ours)
 
-    def _resolved_in(self, point: PointRecord, zones: Sequence[str]) -> float | None:
-        """RelMSE of some zones together, or half its interval where that is larger; their texels are independent."""
-        known = [(self.scene.reference.zones[name], point.error.rel_mse_zones[name]) for name in self._known(zones)]
+    def _error_in(self, point: PointRecord, zones: Sequence[str]) -> EstimateModel | None:
+        """Error of some zones together; their texels are independent."""
+        judged = [name for name in zones if name in point.error.rel_mse_zones]
+        known = [(self.scene.reference.zones[name], point.error.rel_mse_zones[name]) for name in judged]
         total = sum(share for share, _ in known)
         if total == 0:
             return None
         value = sum(share * error.value for share, error in known) / total
         half = math.hypot(*(share * error.half_interval for share, error in known)) / total
-        return max(value, half)
-
-    def _known(self, zones: Sequence[str]) -> list[str]:
-        return [name for name in zones if name in self.point.error.rel_mse_zones]
+        return EstimateModel(
+            value=value, ci95=(value - half, value + half), below_noise_floor=value <= half and half > 0
+        )
 
     @property
     def record(self) -> PairRecord:
@@ -118,7 +135,7 @@ class _Pair:
         return PairRecord(
             material=self.scene.material,
             environment=self.scene.environment,
-            gain=self.gain,
+            gain=self.gain.value,
             rel_mse=self.point.rel_mse,
             baseline_rel_mse=self.baseline.rel_mse,
             zone=max(zones, key=lambda name: shares[name] * zones[name].value),
@@ -144,13 +161,10 @@ def _bake(point: PointRecord) -> tuple[object, ...]:
     return (point.bake.subdivision, point.bake.views, point.bake.resolution, point.bake.samples)
 
 
-def _gain(baseline: float, error: float) -> float:
-    return max(baseline, _LEAST) / max(error, _LEAST)
-
-
 def _record(name: str | None, pairs: Sequence[_Pair]) -> ClassRecord:
     energies = [pair.point.error.energy_ratio for pair in pairs if pair.point.error.energy_ratio is not None]
-    worst = min(pairs, key=lambda pair: pair.gain)
+    told = [pair for pair in pairs if pair.gain.is_told] or pairs
+    worst = min(told, key=lambda pair: pair.gain.value)
     return ClassRecord(
         material_class=name,
         method=worst.point.method,
@@ -168,5 +182,7 @@ def _gains_in(part: str, pairs: Sequence[_Pair]) -> GainRecord | None:
     return _gains(gains) if gains else None
 
 
-def _gains(gains: Sequence[float]) -> GainRecord:
-    return GainRecord(mean=float(np.exp(np.mean(np.log(gains)))), least=min(gains))
+def _gains(gains: Sequence[_Gain]) -> GainRecord:
+    values, told = [gain.value for gain in gains], [gain.value for gain in gains if gain.is_told]
+    mean = float(np.exp(np.mean(np.log(values))))
+    return GainRecord(mean=mean, least=min(told or values), untold=len(values) - len(told))

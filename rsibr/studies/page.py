@@ -114,8 +114,10 @@ def estimate(value: EstimateModel) -> str:
 
 
 def gains(record: GainRecord | None) -> str:
-    """Format gains over some pairs: geometric mean · least."""
-    return "–" if record is None else f"{number(record.mean, 2)} · {number(record.least, 2)}"
+    """Format gains over some pairs: geometric mean · least; ≥ where errors below the noise floor count as that."""
+    if record is None:
+        return "–"
+    return f"{'≥ ' if record.untold else ''}{number(record.mean, 2)} · {number(record.least, 2)}"
 
 
 def place(pair: PairRecord) -> str:

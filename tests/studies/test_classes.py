@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from rsibr.studies.classes import classes_of
+from rsibr.studies.page import gains
 from rsibr.studies.results import ErrorRecord, PlaceRecord, PointRecord
 from rsibr.validation.metrics import compare
 from tests.studies.doubles import ZONES, error, estimate, point, scene
@@ -61,12 +62,23 @@ def test_a_part_without_texels_has_no_gain():
 
 def test_an_error_below_the_noise_floor_counts_as_the_noise_floor():
     (row, _) = classes_of([pair("a", "glass", 0.1, -0.001, half=0.005)])
-    assert row.gain.mean == pytest.approx(0.1 / 0.005)
+    assert (row.gain.mean, row.gain.least, row.gain.untold) == pytest.approx((20, 20, 1))
     assert row.worst.rel_mse == -0.001
     outer = 0.005 * math.hypot(ZONES["middle"], ZONES["rim"]) / OUTER  # independent texels
     assert row.gain_outer.mean == pytest.approx(0.1 / outer)
     black = [judged(name, 0.0) for name in ("cabral1999", "rsibr")]
     assert classes_of([scene(black)])[0].gain.mean == 1
+
+
+def test_a_gain_that_is_not_told_is_no_worst_one():
+    """Beside one that is: it is a lower bound, and says nothing against the method."""
+    pairs = [pair("noisy", "glass", 0.01, 0.001, half=0.005), pair("clean", "glass", 0.08, 0.01, half=0.001)]
+    (row, _) = classes_of(pairs)
+    assert (row.gain.mean, row.gain.least, row.gain.untold) == pytest.approx((math.sqrt(2 * 8), 8, 1))
+    assert row.worst.material == "clean"
+    assert gains(row.gain) == "≥ 4.0 · 8.0"
+    assert gains(classes_of(pairs[1:])[0].gain) == "8.0 · 8.0"
+    assert gains(None) == "–"
 
 
 def test_the_worst_energy_ratio_is_the_farthest_from_one():

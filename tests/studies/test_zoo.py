@@ -55,7 +55,7 @@ def test_bakes_go_once_they_are_measured_and_references_stay(zoo):
 def test_what_it_writes_holds_the_classes(zoo):
     text = (zoo.out / "study.json").read_text(encoding="utf-8")
     assert StudyDocument.model_validate_json(text).classes == zoo.document.classes
-    assert json.loads(text)["classes"][0]["gain"].keys() == {"mean", "least"}
+    assert json.loads(text)["classes"][0]["gain"].keys() == {"mean", "least", "untold"}
     with (zoo.out / "study.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["class"] for row in rows] == 3 * ["plastic"] + 3 * ["metal"]
