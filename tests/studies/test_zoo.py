@@ -9,6 +9,7 @@ import pytest
 
 from rsibr.studies.document import StudyDocument
 from rsibr.studies.runner import study
+from rsibr.studies.scene import StudyScene
 from tests.studies.conftest import zoo_tables
 from tests.studies.test_runner import KilledError
 from tests.validation.report.test_report import Page
@@ -94,3 +95,17 @@ def test_killed_at_any_step_it_goes_on_and_ends_as_if_never_killed(zoo, asymmetr
     assert [[point.error for point in scene.points] for scene in found.document.scenes] == [
         [point.error for point in scene.points] for scene in zoo.document.scenes
     ]
+
+
+def test_only_the_scene_at_work_is_prepared(zoo, asymmetric_environment, monkeypatch):
+    """All but the first are released before the first step, each when it is done: their BSDFs slow every kernel."""
+    released, real = [], StudyScene.release
+
+    def release(scene):
+        released.append(scene.material_name)
+        real(scene)
+
+    monkeypatch.setattr(StudyScene, "release", release)
+    again = study(zoo_tables(asymmetric_environment), out=zoo.out)
+    assert again.document.classes == zoo.document.classes
+    assert released == ["dull copper", "glossy-plastic", "dull copper"]
