@@ -13,6 +13,7 @@ import mitsuba as mi
 from rsibr import backend
 from rsibr.backend import Rendering
 from rsibr.baking.integrator import EstimateOptions, SphereIntegrator
+from rsibr.baking.loader import Loader
 from rsibr.baking.pilot import sampling_ratio
 from rsibr.light.radiance import Light, light_of
 from rsibr.lobes.adaptation import adapted_lobes
@@ -21,9 +22,8 @@ from rsibr.lobes.proxy_ratio import proxy_ratios
 from rsibr.lobes.split import Lobe, LobeSplit
 from rsibr.planning.planner import Probes, probe_scene
 from rsibr.scene.config import Config
-from rsibr.scene.environment import Environment, load_environment
-from rsibr.scene.material import Material, load_material
-from rsibr.scene.python_plugins import load_plugins
+from rsibr.scene.environment import Environment
+from rsibr.scene.material import Material
 
 EVERYTHING = EstimateOptions()
 """Default options of an estimate: nothing is left out."""
@@ -48,18 +48,17 @@ class SceneParts:
 
     @classmethod
     @backend.in_session
-    def of(cls, config: Config) -> SceneParts:
-        """Load the environment and the material of a config.
+    def of(cls, config: Config, loader: Loader | None = None) -> SceneParts:
+        """Load the environment and the material of a config; a `loader` shares them with other scenes.
 
         Raises
         ------
         InputError
             If either is invalid.
         """
-        start = time.perf_counter()
-        load_plugins(config.plugin_modules)
-        parts = cls(load_environment(config.environment), load_material(config.material))
-        parts._seconds.append(time.perf_counter() - start)
+        environment, material, seconds = (loader or Loader()).load(config)
+        parts = cls(environment, material)
+        parts._seconds.append(seconds)
         return parts
 
     @property
@@ -155,6 +154,13 @@ class SceneParts:
 
         made = self._once(("integrator", rendering, keeps_apart, clamp, options), built, rendering)
         return made if made.coverage.shape[0] == resolution else made.at_resolution(resolution)
+
+    def release(self) -> None:
+        """Release everything made from the environment and the material; each part is made again at its next use."""
+        self._made.clear()
+        del self._seconds[1:]  # of loading alone, whose results stay
+        for name in ("bsdf", "probes"):
+            self.__dict__.pop(name, None)
 
     def _once(self, key: Any, make: Callable[[], _T], rendering: Rendering) -> _T:
         """Return the cached value of `key`, or make it in the variant of `rendering`."""

@@ -14,6 +14,7 @@ from rsibr import backend
 from rsibr.backend import Rendering
 from rsibr.baking.blocks import block_sizes
 from rsibr.baking.integrator import EstimateOptions, SphereIntegrator
+from rsibr.baking.loader import Loader
 from rsibr.baking.lobe_record import lobe_record
 from rsibr.baking.parts import SceneParts
 from rsibr.geometry.frame import view_frame
@@ -52,7 +53,7 @@ class Scene:
         return f"Scene({self.material.name} under {self.environment.name})"
 
     @classmethod
-    def prepare(cls, config: ConfigLike, overrides: Sequence[str] = ()) -> Scene:
+    def prepare(cls, config: ConfigLike, overrides: Sequence[str] = (), loader: Loader | None = None) -> Scene:
         """Load and check environment and material of a config.
 
         Parameters
@@ -61,6 +62,8 @@ class Scene:
             See `rsibr.scene.config.config_of`.
         overrides : sequence of str
             `key=value` pairs that override keys of the config.
+        loader : Loader, optional
+            Shares environments and materials with other scenes.
 
         Raises
         ------
@@ -70,7 +73,7 @@ class Scene:
             If the machine has no usable backend.
         """
         settings = config_of(config, overrides)
-        return cls(settings, SceneParts.of(settings))
+        return cls(settings, SceneParts.of(settings, loader))
 
     def resized(self, config: Config, block: int | None = None) -> Scene:
         """Return the scene of another config with the same environment and material; both share `parts`.

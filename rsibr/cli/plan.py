@@ -12,9 +12,6 @@ from rsibr.cli.options import Config, Imports, Json, imported
 if TYPE_CHECKING:
     from rsibr.planning.plan import Effect, Plan
 
-TABLE_WIDTH = 150
-"""Minimum width of the table of effects, in characters."""
-
 
 def plan(
     config: Config,
@@ -41,8 +38,9 @@ def plan(
 
 def _print(made: Plan) -> None:
     from rich.box import SIMPLE_HEAD
-    from rich.console import Console
     from rich.table import Table
+
+    from rsibr.cli.table import print_table
 
     table = Table(box=SIMPLE_HEAD)
     for heading in ("effect", "", "evidence", "threshold", "s", "MiB", "relMSE\nwithout"):
@@ -50,9 +48,7 @@ def _print(made: Plan) -> None:
     table.add_column("why", overflow="fold")
     for effect in made.effects:
         table.add_row(*_row(effect), style=None if effect.on else "yellow" if effect.missed else "dim")
-    console = Console(highlight=False, markup=False)
-    console.width = max(console.width, TABLE_WIDTH)  # without a terminal Rich assumes a narrow one
-    console.print(table)
+    print_table(table)
     for line in _lines(made):
         typer.echo(line)
 

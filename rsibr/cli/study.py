@@ -63,7 +63,8 @@ def _progress() -> Iterator[Callable[[Progress], None]]:
 
 
 def _print(found: Study) -> None:
-    """Print the Pareto front of error and time for each scene, and the gain of doubling the time."""
+    """Print each scene's Pareto front of error and time, gains by class of material, and the gain of twice the time."""
+    from rsibr.cli.study_classes import print_classes
     from rsibr.studies.page import answer, estimate
     from rsibr.validation.report.page import duration, number, size
 
@@ -78,9 +79,11 @@ def _print(found: Study) -> None:
                 f"  {duration(row.job_seconds):>12}  relMSE {estimate(point.error.rel_mse):<22}"
                 f"{size(point.bytes):>9}  {label} (path tracing: {number(row.path_tracing_rel_mse)})"
             )
-    typer.echo("\ngain of doubling the time, mean over the scenes")
-    for sentence in answer(found.document.doubling, frames):
-        typer.echo(f"  {sentence}")
     document = found.document
+    print_classes(document.classes)
+    if document.doubling:
+        typer.echo("\ngain of doubling the time, mean over the scenes")
+    for sentence in answer(document.doubling, frames):
+        typer.echo(f"  {sentence}")
     typer.echo(f"forecast {duration(document.expected_seconds)}, took {duration(document.seconds)}")
     typer.echo(f"report: {printable(found.out / 'study.html')}")

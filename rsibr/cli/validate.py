@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     from rsibr.store.bake import Bake
     from rsibr.validation.results import Validation
 
-TABLE_WIDTH = 150
-"""Minimum width of the table of methods, in characters."""
-
 MOST_VIEWS = 10_000
 """Maximum number of views, all of which are held in memory for the report."""
 
@@ -87,8 +84,9 @@ def print_validation(found: Validation, out: Path, *, json_output: bool) -> None
         typer.echo((out / "metrics.json").read_text(encoding="utf-8"), nl=False)
         return
     from rich.box import SIMPLE_HEAD
-    from rich.console import Console
     from rich.table import Table
+
+    from rsibr.cli.table import print_table
 
     table = Table(box=SIMPLE_HEAD)
     for heading in (
@@ -109,7 +107,5 @@ def print_validation(found: Validation, out: Path, *, json_output: bool) -> None
         point = "" if summary.eval_seconds is None else f"{summary.eval_seconds * 1e9:.0f}"
         prepare = f"{summary.prepare_seconds + summary.compile_seconds:.1f}"
         table.add_row(name, *row, point, f"{found.bake.seconds:.1f}", prepare, pays)
-    console = Console(highlight=False)
-    console.width = max(console.width, TABLE_WIDTH)  # without a terminal Rich assumes a narrow one
-    console.print(table)
+    print_table(table)
     typer.echo(f"report: {printable(out / 'report.html')}")

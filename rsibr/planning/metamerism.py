@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +113,7 @@ def _distribution(colour: Any, samples: Samples) -> Any:
     return colour.SpectralDistribution(values, wavelengths)
 
 
+@cache  # a change of variant takes longer than all else here, and many materials are of few metals
 def _metal(name: str) -> tuple[Samples, NDArray[np.float64]]:
     """Reflectance of a measured metal at normal incidence in Mitsuba's spectral and RGB modes."""
     with backend.rendering("spectral"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -106,6 +107,23 @@ def make_folder(folder: Path) -> None:
         if not folder.is_dir():
             folder.mkdir(parents=True, exist_ok=True)
             sync_folder(folder.parent)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+
+
+def remove_folder(folder: Path) -> None:
+    """Delete a folder and all that is in it. One that is killed meanwhile leaves nothing under the folder's own name.
+
+    Raises
+    ------
+    MachineError, BakeError
+        If it cannot be deleted.
+    """
+    doomed = folder.with_name(f"{folder.name}.removed")
+    try:
+        shutil.rmtree(doomed, ignore_errors=True)  # of a process that was killed
+        folder.replace(doomed)
+        shutil.rmtree(doomed)
     except OSError as error:
         raise unwritable(folder, error) from error
 

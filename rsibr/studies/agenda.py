@@ -102,12 +102,12 @@ def agenda_of(study: StudyConfig) -> Agenda:
             meshed = ", ".join(name for name, one in registrations().items() if "mesh" in one.options)
             what = f"asks for no picture: only {meshed} goes through a mesh, and not every method has weights to choose"
             raise InputError(what, where=where, fix=f"take {meshed} in, or the warp texel and the weights own")
-        for size in _sizes(sweep, study.scenes[0], where):
+        for size in _sizes(sweep, study.base, where):
             known = agenda.setdefault(size, [])
             known += [variant for variant in variants if variant not in known]
     methods = dict.fromkeys(variant.method for variants in agenda.values() for variant in variants)
     lobed = [name for name in methods if registration(name).needs.lobes]
-    if lobed and study.scenes[0].effects.lobes == "off":
+    if lobed and study.base.effects.lobes == "off":
         raise InputError(f'the method {lobed[0]} needs effects.lobes = "auto"', where=f"{study.name}, base")
     return agenda
 

@@ -145,9 +145,9 @@ def analyse(scene: SceneRecord, frames: int) -> SceneAnalysis:
 
 def _law(pictures: Sequence[PathTracingRecord]) -> PowerLaw:
     """Power law of the error of path tracing over time; errors below the noise floor count as the noise floor."""
-    errors = [max(p.error.rel_mse.value, p.error.rel_mse.ci95[1] - p.error.rel_mse.value) for p in pictures]
     tiny = float(np.finfo(np.float32).tiny)
-    return fit_power_law([p.seconds.median for p in pictures], [max(error, tiny) for error in errors])
+    errors = [max(p.error.rel_mse.resolved, tiny) for p in pictures]
+    return fit_power_law([p.seconds.median for p in pictures], errors)
 
 
 def convergence_of(points: Sequence[PointRecord]) -> list[ConvergenceRecord]:
@@ -165,7 +165,7 @@ def _convergence(label: str, curve: Sequence[PointRecord]) -> ConvergenceRecord:
     known = [(n, e) for n, e in zip(samples, errors, strict=True) if e > 0]
     flattening = fit_flattening(*zip(*known, strict=True)) if len(known) >= 2 else None
     at = flattening.samples if flattening else None
-    predicted = [p.noise * p.bake.samples for p in curve if p.noise > 0]
+    predicted = [p.noise * p.bake.samples for p in curve if p.noise]
     return ConvergenceRecord(
         label=label,
         points=[p.label for p in curve],

@@ -60,6 +60,7 @@ def at_least_three(values: tuple[int, ...]) -> tuple[int, ...]:
 _T = TypeVar("_T")
 Axis = Annotated[tuple[_T, ...], Field(strict=False), AfterValidator(_distinct)]
 NameOrTable = Annotated[Any, AfterValidator(_name_or_table)]
+Title = Annotated[str, Field(min_length=1, max_length=80)]
 Samples = Annotated[int, Field(ge=4, le=2**24)]
 Resolution = Annotated[int, Field(ge=8, le=4096)]
 Subdivision = Annotated[int, Field(ge=0, le=5)]

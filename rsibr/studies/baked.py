@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from statistics import median
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,23 +74,31 @@ class BakedMaps:
         on_device = max(method.cost.device_bytes, device_bytes(method))  # with the tables of this size of picture
         pairs = zip(made.images, judged.references, strict=True)
         error = ErrorRecord.of([compare(image, truth, judged.exposures, name=str(variant)) for image, truth in pairs])
-        eval_rel_mse, eval_seconds = self._eval_of(method)
-        noise = self._noise_of(variant)
         return PointRecord(
             label=label_of(variant, self.record.views, self.record.resolution, self.record.samples),
             **vars(variant),
             bake=self.record,
             error=error,
-            noise=noise,
-            bias=without(error.rel_mse, noise),
-            lobes=self._lobes(variant) if self._has_parts(variant) else None,
-            eval_rel_mse=eval_rel_mse,
-            eval_seconds=eval_seconds,
+            **self._beside(variant, method, error),
             prepare_seconds=method.cost.prepare_seconds,
             compile_seconds=made.compile_seconds,
             frame_seconds=made.seconds,
             bytes=on_device,
         )
+
+    def _beside(self, variant: Variant, method: Method, error: ErrorRecord) -> dict[str, Any]:
+        """What is judged beside the pictures: noise, lobes, `eval`; None where only errors are asked for."""
+        if self.judged.judge.errors_only:
+            return dict.fromkeys(("noise", "bias", "lobes", "eval_rel_mse", "eval_seconds"))
+        eval_rel_mse, eval_seconds = self._eval_of(method)
+        noise = self._noise_of(variant)
+        return {
+            "noise": noise,
+            "bias": without(error.rel_mse, noise),
+            "lobes": self._lobes(variant) if self._has_parts(variant) else None,
+            "eval_rel_mse": eval_rel_mse,
+            "eval_seconds": eval_seconds,
+        }
 
     def _timed(self, method: Method) -> TimedPictures:
         """Make the picture of each judged view once, and again for every timed repeat."""

@@ -16,6 +16,7 @@ from rsibr.errors import BakeError
 from rsibr.methods.registry import method_digest
 from rsibr.store.atomic import checksum
 from rsibr.store.bake import Bake
+from rsibr.store.directory import remove_folder
 from rsibr.store.manifest import canonical
 from rsibr.studies.agenda import BakeSize, Variant
 from rsibr.studies.baked import BakedMaps, bake_record
@@ -29,7 +30,7 @@ from rsibr.studies.results import (
 )
 from rsibr.studies.scene import StudyScene
 
-_FORMAT = 3
+_FORMAT = 4
 """Version of the records in the journal; those of another version are measured anew."""
 
 
@@ -65,7 +66,8 @@ class Bench:
         """Key of a result: everything that it depends on."""
         judge = self.judged.judge
         judged = {"judged": [frame.tolist() for frame in self.judged.frames], "reference_samples": judge.samples}
-        return {"kind": kind, "format": _FORMAT, **self.scene.identity, **judged, "repeats": judge.repeats, **settings}
+        how = {"repeats": judge.repeats, "errors_only": judge.errors_only}
+        return {"kind": kind, "format": _FORMAT, **self.scene.identity, **judged, **how, **settings}
 
     def known_path_tracing(self, samples: Sequence[int], pass_samples: int | None) -> list[PathTracingRecord] | None:
         """Return stored measurements of path tracing, None without any."""
@@ -105,9 +107,7 @@ class Bench:
     def bake(self, size: BakeSize) -> None:
         """Bake at a size, or continue an interrupted bake, and open it; the bake opened before is released."""
         self.release()
-        key = self._bake_key(size)
-        name = re.sub(r"\W+", "-", f"{self.scene.material_name} {self.scene.environment_name}")
-        path = self.bakes / f"{name}-{checksum(canonical(key))[:12]}.rsibr"
+        path = self._bake_path(size)
         begun, scene = path.exists(), self.scene.prepared.resized(size.config(self.scene.config))
         baked = _baked(scene, path)
         record = self.known_bake(size) if begun else None
@@ -116,6 +116,10 @@ class Bench:
             record = record.compiling(self._longest("bake", record.compile_seconds))
             self.journal.store(self._record_key(size), record.model_dump(mode="json"))
         self._opened = BakedMaps(self.judged, baked, record, size)
+
+    def _bake_path(self, size: BakeSize) -> Path:
+        name = re.sub(r"\W+", "-", f"{self.scene.material_name} {self.scene.environment_name}")
+        return self.bakes / f"{name}-{checksum(canonical(self._bake_key(size)))[:12]}.rsibr"
 
     def known_bake(self, size: BakeSize) -> BakeRecord | None:
         """Return the stored cost of a bake, None without one."""
@@ -142,13 +146,16 @@ class Bench:
         return self.compiled[name]
 
     def release(self) -> None:
-        """Release the opened bake and its maps on the device."""
-        self._opened = None
+        """Release the opened bake and its maps on the device, and its files unless they are kept."""
+        opened, self._opened = self._opened, None
+        if opened is not None and not self.judged.judge.keep_bakes:
+            remove_folder(opened.bake.path)
 
     def close(self) -> None:
-        """Release the memory of this scene; files stay."""
+        """Release the memory of this scene; files stay, those of bakes if they are kept."""
         self.release()
         self.judged.forget()
+        self.scene.release()
 
 
 def _baked(scene: Scene, path: Path) -> Bake:

@@ -21,6 +21,7 @@ from rsibr.studies.axes import (
     Resolution,
     Samples,
     Subdivision,
+    Title,
     WarpName,
     WeightsName,
     at_least_three,
@@ -64,13 +65,43 @@ class ScenesConfig(_Section):
     Attributes
     ----------
     material : list of str or table
-        Presets, or tables as `[material]` of a config. By default the base config's.
+        Presets, or tables as `[material]` of a config, see also `MaterialTitle`. By default the base config's.
     environment : list of str or table
         Files, or tables as `[environment]` of a config. By default the base config's.
     """
 
     material: Axis[NameOrTable] | None = None
     environment: Axis[NameOrTable] | None = None
+
+
+class MaterialTitle(_Section):
+    """Keys that a table of `scenes.material` may have beside those of `[material]`.
+
+    Attributes
+    ----------
+    name : str, optional
+        What the material is called in the report; by default what it is made from.
+    material_class : str, optional
+        Key `class`: the family of materials whose errors are summed up together; by default the material's own name.
+    """
+
+    name: Title | None = None
+    material_class: Title | None = Field(default=None, alias="class")
+
+
+class SceneConfig(_Section):
+    """A material under an environment.
+
+    Attributes
+    ----------
+    config : Config
+        The base config with this material and environment.
+    title : MaterialTitle
+        Of the material.
+    """
+
+    config: Config
+    title: MaterialTitle = MaterialTitle()
 
 
 class JudgeConfig(_Section):
@@ -89,6 +120,11 @@ class JudgeConfig(_Section):
         Timed runs of each picture, after a first one that compiles and does not count.
     frames : int
         Pictures of the whole job, where bake, preparation, compilation and pictures are added up.
+    errors_only : bool
+        Measure the error and the time of the pictures alone: no noise and bias, no `eval`, no lobes, no path tracing to
+        compare with, hence no convergence and no fronts. For many scenes.
+    keep_bakes : bool
+        Whether bakes stay on the disk once all that is asked of them is measured.
     """
 
     views: int = Field(default=6, ge=1, le=1000)
@@ -96,6 +132,8 @@ class JudgeConfig(_Section):
     samples: int = Field(default=1024, ge=MINIMUM_BUFFERS, le=2**24)
     repeats: int = Field(default=5, ge=3, le=1000)
     frames: int = Field(default=100, ge=1, le=10**9)
+    errors_only: bool = False
+    keep_bakes: bool = True
 
 
 class PathTracingConfig(_Section):
@@ -132,8 +170,8 @@ class StudyConfig(_Section):
     ----------
     name : str
         What it is called in the report.
-    scenes : tuple of Config
-        A whole config for each material under each environment, with the base's size and samples.
+    scenes : tuple of SceneConfig
+        Each material under each environment, with the base's size and samples.
     method : tuple of str
         Methods of the sweeps that name none.
     sweep : tuple of SweepConfig
@@ -143,7 +181,7 @@ class StudyConfig(_Section):
     """
 
     name: str
-    scenes: tuple[Config, ...]
+    scenes: tuple[SceneConfig, ...]
     method: tuple[str, ...]
     sweep: tuple[SweepConfig, ...]
     judge: JudgeConfig
@@ -151,7 +189,13 @@ class StudyConfig(_Section):
 
     def with_plugins(self, modules: Sequence[str]) -> StudyConfig:
         """Return the config with these modules in every scene; see `rsibr.scene.plugins_config`."""
-        return self.model_copy(update={"scenes": tuple(scene.with_plugins(modules) for scene in self.scenes)})
+        scenes = (one.model_copy(update={"config": one.config.with_plugins(modules)}) for one in self.scenes)
+        return self.model_copy(update={"scenes": tuple(scenes)})
+
+    @property
+    def base(self) -> Config:
+        """Config of the first scene: size, views and samples are those of all scenes."""
+        return self.scenes[0].config
 
 
 def load_study(path: Path) -> StudyConfig:
@@ -207,16 +251,25 @@ def _checked(model: type[_Model], data: Mapping[str, Any], where: str, prefix: s
         raise InputError(prefix + problems, where=where) from None
 
 
-def _scenes(file: _File, folder: Path, where: str) -> Sequence[Config]:
+def _scenes(file: _File, folder: Path, where: str) -> Sequence[SceneConfig]:
     """A config for each material under each environment."""
     tables, start = _base_tables(file.base, folder, where)
     environments = [{"environment": _at(folder, table)} for table in _tables(file.scenes.environment, "file")]
-    materials = [{"material": _at(folder, table)} for table in _tables(file.scenes.material, "preset")]
+    rows = enumerate(_tables(file.scenes.material, "preset"), 1)
+    titled = [_titled(table, f"{where}, scenes.material[{number}]") for number, table in rows]
+    materials = [(title, {"material": _at(folder, table)}) for title, table in titled] or [(MaterialTitle(), {})]
     return [
-        parse_config({**tables, **environment, **material}, start, where=f"{where}, base")
-        for environment in environments or [{}]
-        for material in materials or [{}]
+        SceneConfig(config=parse_config({**tables, **sky, **material}, start, where=f"{where}, base"), title=title)
+        for sky in environments or [{}]
+        for title, material in materials
     ]
+
+
+def _titled(table: dict[str, Any], where: str) -> tuple[MaterialTitle, dict[str, Any]]:
+    """Take the title out of the table of a material."""
+    own = {key: value for key, value in table.items() if key in ("name", "class")}
+    rest = {key: value for key, value in table.items() if key not in own}
+    return _checked(MaterialTitle, own, where), rest
 
 
 def _base_tables(base: str | dict[str, Any], folder: Path, where: str) -> tuple[dict[str, Any], Path]:
@@ -234,6 +287,12 @@ def _tables(values: tuple[Any, ...] | None, key: str) -> list[dict[str, Any]]:
     return [{key: value} if isinstance(value, str) else value for value in values or ()]
 
 
-def _at(folder: Path, table: dict[str, Any]) -> dict[str, Any]:
-    """Make the path of a scene absolute: it is relative to the study, not to its base config."""
-    return {**table, "file": str(folder / table["file"])} if isinstance(table.get("file"), str) else table
+def _at(folder: Path, table: Mapping[str, Any]) -> dict[str, Any]:
+    """Make the paths of a scene absolute: they are relative to the study, not to its base config."""
+    return {key: _path_at(folder, key, value) for key, value in table.items()}
+
+
+def _path_at(folder: Path, key: str, value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return _at(folder, value)
+    return str(folder / Path(value).expanduser()) if key in ("file", "filename") and isinstance(value, str) else value

@@ -8,6 +8,7 @@ from typing import Literal
 from pydantic import Field
 
 from rsibr.studies.analysis import SceneAnalysis
+from rsibr.studies.classes import ClassRecord
 from rsibr.studies.doubling import DoublingRecord
 from rsibr.studies.results import Positive, Record, SceneRecord
 
@@ -50,8 +51,18 @@ class StudyDocument(Record):
     seconds: Positive = Field(description="wall time of this run; a resumed run counts its own part")
     steps: list[StepRecord] = Field(description="of this run: preparation with start-up, every step, the page")
     scenes: list[SceneRecord]
-    analyses: list[SceneAnalysis] = Field(description="one a scene, in their order")
-    doubling: list[DoublingRecord] = Field(description="path tracing, then each method: mean over the scenes")
+    classes: list[ClassRecord] = Field(
+        description="by class of material, what each method gains over the baseline; the worst class of a method first"
+    )
+    analyses: list[SceneAnalysis] = Field(description="one a scene, in their order; empty where only errors are judged")
+    doubling: list[DoublingRecord] = Field(
+        description="path tracing, then each method: mean over the scenes; empty where only errors are judged"
+    )
+
+    @property
+    def analysed(self) -> list[tuple[SceneRecord, SceneAnalysis]]:
+        """Each scene with its analysis; empty where only errors are judged."""
+        return list(zip(self.scenes, self.analyses, strict=True)) if self.analyses else []
 
     def to_json(self) -> str:
         """Return strict JSON, indented."""

@@ -84,7 +84,8 @@ def check_sizes(study: StudyConfig, agenda: Agenda, resolution: int, folder: Pat
     _check(
         truth, memory, f"references of {study.judge.views} views of {resolution}² take", "of memory", study.name, fix
     )
-    bakes = _COMPRESSED * len(study.scenes) * sum(_map_bytes(_views(study, size), size) for size in agenda)
+    sizes = [_COMPRESSED * _map_bytes(_views(study, size), size) for size in agenda]
+    bakes = len(study.scenes) * sum(sizes) if study.judge.keep_bakes else max(sizes)
     taken = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
     fix = "free some space, or bake less in the sweeps"
     _check(bakes - taken, disk, "the bakes take", "on the disk", str(folder), fix)
@@ -97,7 +98,7 @@ def _check(needed: float, there: float, what: str, place: str, where: str, fix: 
 
 
 def _views(study: StudyConfig, size: BakeSize) -> int:
-    return len(load_viewpoints(study.scenes[0].views)) if size.subdivision is None else VIEW_COUNTS[size.subdivision]
+    return len(load_viewpoints(study.base.views)) if size.subdivision is None else VIEW_COUNTS[size.subdivision]
 
 
 def _map_bytes(views: int, size: BakeSize) -> float:

@@ -166,7 +166,7 @@ def whereabouts(points: Sequence[PointRecord]) -> Figure:
     figure = Figure(figsize=(11, 0.9 + 0.42 * len(points)), layout="constrained")
     share, zones = figure.subplots(1, 2, sharey=True)
     rows = np.arange(len(points))[::-1]
-    noise = np.array([100 * min(point.noise / point.rel_mse, 1.0) if point.rel_mse > 0 else 100.0 for point in points])
+    noise = np.array([100 * _noise_share(point) for point in points])
     share.barh(rows, 100 - noise, color="#b8c4d0", height=0.6, label="bias")
     share.barh(rows, noise, left=100 - noise, color="#e8c39e", height=0.6, label="noise of the maps")
     share.set(xlabel="share of relMSE, %", yticks=rows, yticklabels=[point.label for point in points], xlim=(0, 100))
@@ -182,6 +182,10 @@ def whereabouts(points: Sequence[PointRecord]) -> Figure:
     if any(point.rel_mse > 0 for point in points):
         zones.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8)
     return figure
+
+
+def _noise_share(point: PointRecord) -> float:
+    return min((point.noise or 0.0) / point.rel_mse, 1.0) if point.rel_mse > 0 else 1.0
 
 
 def _zone(point: PointRecord, zone: str) -> float | None:

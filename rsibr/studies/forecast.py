@@ -73,7 +73,8 @@ class Forecast:
         known = first.journal.find(key)
         if known is not None and methods <= set(known["methods"]):
             return Rates.model_validate_json(canonical(known))  # of an earlier run: here nothing is compiled yet
-        rates = self.measure(first.scene, agenda, first.judged.frames, first.compiled)
+        judged = first.judged
+        rates = self.measure(first.scene, agenda, judged.frames, first.compiled, judged.judge.errors_only)
         first.journal.store(key, rates.model_dump(mode="json"))
         self._compiled |= {("scene", 0), ("tracer", 0)}
         self._compiled |= {_kernel(name, PER_TEXEL, "", rates.resolution) for name in rates.methods}
@@ -90,17 +91,21 @@ class Forecast:
     def steps(self, number: int) -> list[Step]:
         """Remaining steps in one scene; results in the journal are not measured again."""
         bench = self.benches[number]
-        return [*self._truths(number, bench), *self._rivals(number, bench), *self._points(number, bench)]
+        rivals = [] if bench.judged.judge.errors_only else self._rivals(number, bench)
+        return [*self._truths(number, bench), *rivals, *self._points(number, bench)]
 
     @property
     def page_seconds(self) -> float:
-        """Time to draw the page."""
-        return self.rates.figure_seconds * (1 + FIGURES * len(self.benches))
+        """Time to read the references once more, and to draw the page."""
+        views = sum(len(bench.judged.frames) for bench in self.benches)
+        return self.rates.reread_seconds * views + self.rates.figure_seconds * (1 + FIGURES * len(self.benches))
 
     def _truths(self, number: int, bench: Bench) -> Iterator[Step]:
         scene, samples = bench.scene, bench.judged.judge.samples
         texels = scene.resolution**2
-        lobed = any(judged_by_lobe(variant.method) for variants in self.agenda.values() for variant in variants)
+        lobed = not bench.judged.judge.errors_only and any(
+            judged_by_lobe(variant.method) for variants in self.agenda.values() for variant in variants
+        )
         for index, frame in enumerate(bench.judged.frames, 1):
             if not bench.judged.store.has(reference_key(scene, frame, samples)):
                 wanted = -(-samples // MINIMUM_BUFFERS)
@@ -153,7 +158,7 @@ class Forecast:
         rates, judged = self.rates, bench.judged
         method = rates.methods[variant.method]
         texels = math.pi / 4 * bench.scene.resolution**2
-        lobes = preparations(bench.scene, variant.method) / method.preparations
+        lobes = preparations(bench.scene, variant.method, judged.judge) / method.preparations
         seconds = lobes * method.point_seconds + (views - rates.views) * rates.view_work(variant.method)
         more = len(judged.frames) * rates.frame_work(variant.method, texels, judged.judge.repeats)
         seconds += more - rates.judged * rates.frame_work(variant.method, texels, rates.repeats)

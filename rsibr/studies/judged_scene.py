@@ -15,7 +15,7 @@ from rsibr.studies.results import ReferenceRecord
 from rsibr.studies.scene import StudyScene
 from rsibr.studies.truth import Arrays, TruthStore, reference_of
 from rsibr.validation.flip import Exposures, exposures_for
-from rsibr.validation.metrics import noise_floor
+from rsibr.validation.metrics import noise_floor, zone_shares
 from rsibr.validation.reference import Reference
 
 
@@ -59,17 +59,19 @@ class JudgedScene:
 
     def record(self) -> ReferenceRecord:
         """Summary of the references; one is in memory at a time."""
-        seconds, floors = [], []
+        seconds, floors, zones = [], [], []
         for frame in self.frames:
             reference = self.reference(frame)
             seconds.append(reference.seconds)
             floors.append(noise_floor(reference))
+            zones.append(zone_shares(reference))
         return ReferenceRecord(
             samples=reference.samples,
             buffers=len(reference.buffers),
             sampler=reference.sampler,
             seconds=sum(seconds),
             noise_floor=float(np.mean(floors)),
+            zones={name: float(np.mean([shares[name] for shares in zones])) for name in zones[0]},
         )
 
     def forget(self) -> None:

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
+from rsibr.methods.registry import baseline_method
 from rsibr.studies import figures
 from rsibr.studies.analysis import SceneAnalysis, SlopeRecord
+from rsibr.studies.classes import GainRecord, PairRecord
 from rsibr.studies.document import StudyDocument
 from rsibr.studies.doubling import DoublingRecord
 from rsibr.studies.results import PointRecord, SceneRecord
@@ -58,9 +60,9 @@ class Drawn:
     Attributes
     ----------
     headline : str
-        The first figure, as a data URI.
+        The first figure, as a data URI; empty where only errors are judged.
     scenes : list
-        Each scene with its figures.
+        Each scene with its figures; the same.
     """
 
     headline: str
@@ -69,8 +71,8 @@ class Drawn:
     @classmethod
     def of(cls, document: StudyDocument) -> Drawn:
         """Draw the figures of a study."""
-        pairs = zip(document.scenes, document.analyses, strict=True)
-        return cls(figures.svg_uri(figures.headline(document)), [_shown(scene, analysis) for scene, analysis in pairs])
+        headline = figures.svg_uri(figures.headline(document)) if document.analysed else ""
+        return cls(headline, [_shown(scene, analysis) for scene, analysis in document.analysed])
 
 
 def study_page(document: StudyDocument, drawn: Drawn) -> str:
@@ -90,9 +92,11 @@ def study_page(document: StudyDocument, drawn: Drawn) -> str:
     loader = ChoiceLoader([PackageLoader(room, ".") for room in ("rsibr.studies", "rsibr.validation.report")])
     environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     environment.filters |= {"number": number, "duration": duration, "size": size, "estimate": estimate, "slope": slope}
+    environment.filters |= {"gains": gains, "place": place}
     template = environment.get_template("study.html.j2")
     return template.render(
         document=document,
+        baseline=baseline_method(),
         headline=drawn.headline,
         answer=answer(document.doubling, document.judge.frames),
         shown=drawn.scenes,
@@ -107,6 +111,18 @@ def estimate(value: EstimateModel) -> str:
     if value.below_noise_floor:
         return f"<\u00a0{number(max(high, 0.0), 2)}"
     return f"{number(value.value)}\u00a0±\u00a0{number((high - low) / 2, 2)}"
+
+
+def gains(record: GainRecord | None) -> str:
+    """Format gains over some pairs: geometric mean · least; ≥ where errors below the noise floor count as that."""
+    if record is None:
+        return "–"
+    return f"{'≥ ' if record.untold else ''}{number(record.mean, 2)} · {number(record.least, 2)}"
+
+
+def place(pair: PairRecord) -> str:
+    """Say where on the disk a method errs: the zone of most of its error, and the worst texel (s, t)."""
+    return f"{pair.zone} · ({pair.place.s:.2f}, {pair.place.t:.2f})"
 
 
 def slope(record: SlopeRecord | None) -> str:

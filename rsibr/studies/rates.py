@@ -8,6 +8,7 @@ from rsibr.geometry.viewpoints import icosphere
 from rsibr.methods.registry import judged_by_lobe
 from rsibr.scene.views import load_viewpoints
 from rsibr.studies.agenda import BakeSize
+from rsibr.studies.config import JudgeConfig
 from rsibr.studies.results import Positive, Record
 from rsibr.studies.scene import StudyScene
 from rsibr.validation.eval_error import POINTS
@@ -55,7 +56,8 @@ class Rates(Record):
     methods: dict[str, MethodRates]
     decode_seconds: Positive = Field(description="one map is read and decoded")
     compare_seconds: Positive = Field(description="a picture is compared with its reference")
-    figure_seconds: Positive = Field(description="one figure of the page")
+    reread_seconds: Positive = Field(description="a reference is read again for the page")
+    figure_seconds: Positive = Field(description="one figure of the page; 0 where it has none")
 
     def frame_work(self, method: str, texels: float, repeats: int) -> float:
         """Time that one more judged view adds to a point [s]; `texels` are those that are judged."""
@@ -75,7 +77,9 @@ def view_count(scene: StudyScene, size: BakeSize) -> int:
     return len(icosphere(size.subdivision) if size.subdivision is not None else load_viewpoints(scene.config.views))
 
 
-def preparations(scene: StudyScene, method: str) -> int:
+def preparations(scene: StudyScene, method: str, judge: JudgeConfig) -> int:
     """Times that a point of a method makes it ready: with the maps, with noisy maps, and for each lobe by itself."""
-    lobes = scene.prepared.parts.split.names if judged_by_lobe(method) and scene.prepared.keeps_apart else []
+    if judge.errors_only:
+        return 1
+    lobes = scene.lobe_names if judged_by_lobe(method) and scene.prepared.keeps_apart else []
     return 2 + (len(lobes) if len(lobes) > 1 else 0)

@@ -18,6 +18,7 @@ PAGE_NAME, JSON_NAME, CSV_NAME = "study.html", "study.json", "study.csv"
 COLUMNS = (
     "material",
     "environment",
+    "class",
     "method",
     "warp",
     "weights",
@@ -38,6 +39,9 @@ COLUMNS = (
     "flip",
     "energy_ratio",
     "worst_texel",
+    "worst_view",
+    "worst_s",
+    "worst_t",
     "bake_seconds",
     "bake_seconds_low",
     "bake_seconds_high",
@@ -92,7 +96,7 @@ def _table(document: StudyDocument) -> str:
 
 
 def _rows(scene: SceneRecord, frames: int) -> Iterator[dict[str, Any]]:
-    place = {"material": scene.material, "environment": scene.environment}
+    place = {"material": scene.material, "environment": scene.environment, "class": scene.material_class}
     for rival in (*scene.path_tracing, *scene.progressive):
         timing = rival.seconds
         times = {"frame_seconds": timing.median, "frame_seconds_low": timing.low, "frame_seconds_high": timing.high}
@@ -114,16 +118,18 @@ def _error(error: ErrorRecord) -> dict[str, Any]:
         "flip": error.flip,
         "energy_ratio": "" if error.energy_ratio is None else error.energy_ratio,
         "worst_texel": error.worst_texel,
+        **{f"worst_{name}": value for name, value in error.worst_place},
     }
 
 
 def _point(point: PointRecord, frames: int) -> dict[str, Any]:
     baked = point.bake
-    own = ("method", "warp", "weights", "precision", "noise", "bytes", "prepare_seconds", "compile_seconds")
+    own = ("method", "warp", "weights", "precision", "bytes", "prepare_seconds", "compile_seconds")
     return {
         **{name: getattr(point, name) for name in (*own, "once_seconds")},
         **{name: getattr(baked, name) for name in ("views", "resolution", "samples", "setup_seconds", "disk_bytes")},
-        "bias": point.bias.value,
+        "noise": "" if point.noise is None else point.noise,
+        "bias": "" if point.bias is None else point.bias.value,
         "worst_lobe": point.worst_lobe or "",
         "bake_seconds": baked.seconds.median,
         "bake_seconds_low": baked.seconds.low,

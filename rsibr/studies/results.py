@@ -52,6 +52,19 @@ class Timing(Record):
         return Timing(**bounds, runs=self.runs)
 
 
+class PlaceRecord(Record):
+    """A texel of one judged view."""
+
+    view: int = Field(description="number of the view in judge.views, from 0")
+    s: float = Field(description="centre in the map, to the right, 0 to 1")
+    t: float = Field(description="the same, up")
+
+    @property
+    def radius(self) -> float:
+        """Distance from the middle of the disk, whose radius is 1."""
+        return math.hypot(2 * self.s - 1, 2 * self.t - 1)
+
+
 class ErrorRecord(Record):
     """Error over all judged views; the noise of the reference is subtracted from relMSE."""
 
@@ -62,6 +75,7 @@ class ErrorRecord(Record):
     flip: Share
     energy_ratio: float | None
     worst_texel: Positive = Field(description="largest relative squared error of any texel of any view")
+    worst_place: PlaceRecord = Field(description="where that texel lies")
 
     @classmethod
     def of(cls, errors: Sequence[MapError]) -> ErrorRecord:
@@ -69,6 +83,7 @@ class ErrorRecord(Record):
         values = [error.rel_mse.value for error in errors]
         energy = [error.energy_ratio for error in errors if error.energy_ratio is not None]
         zones = {name for error in errors for name in error.rel_mse_zones}
+        view, worst = max(enumerate(error.worst_texel for error in errors), key=lambda found: found[1].error)
         return cls(
             rel_mse=mean_model([error.rel_mse for error in errors]),
             rel_mse_range=(min(values), max(values)),
@@ -80,7 +95,8 @@ class ErrorRecord(Record):
             smape=float(np.mean([error.smape for error in errors])),
             flip=float(np.mean([error.flip for error in errors])),
             energy_ratio=float(np.mean(energy)) if len(energy) == len(errors) else None,
-            worst_texel=max(error.worst_texel.error for error in errors),
+            worst_texel=worst.error,
+            worst_place=PlaceRecord(view=view, s=worst.s, t=worst.t),
         )
 
 
@@ -118,10 +134,15 @@ class PointRecord(Record):
     precision: str
     bake: BakeRecord
     error: ErrorRecord
-    noise: Positive = Field(description="part of relMSE from the noise of the maps, predicted by their stored variance")
-    bias: EstimateModel = Field(description="the rest of relMSE, independent of the samples of the bake")
+    noise: Positive | None = Field(
+        description="part of relMSE from the noise of the maps, by their stored variance; null where not judged"
+    )
+    bias: EstimateModel | None = Field(
+        description="the rest of relMSE, independent of the samples of the bake; null where not judged"
+    )
     lobes: dict[str, EstimateModel] | None = Field(
-        description="contribution of each lobe to relMSE, relative to the whole radiance; null for a single lobe"
+        description="contribution of each lobe to relMSE, relative to the whole radiance; null for a single lobe, and "
+        "where not judged"
     )
     eval_rel_mse: EstimateModel | None = Field(
         description="relMSE of eval at random points of each texel, mean over the views; null where not judged"
@@ -178,15 +199,19 @@ class ReferenceRecord(Record):
     sampler: str
     seconds: Positive = Field(description="rendering time of all views together")
     noise_floor: Positive = Field(description="mean over the views of the relMSE of their own noise; taken out")
+    zones: dict[str, Share] = Field(description="share of the judged texels in each of the zones of rel_mse_zones")
 
 
 class SceneRecord(Record):
     """Everything measured of one material under one environment."""
 
     material: str
+    material_class: str = Field(description="materials of one class are summed up together; by default the material")
     environment: str
     reference: ReferenceRecord
-    path_tracing: list[PathTracingRecord] = Field(description="all samples of a picture stratified among each other")
+    path_tracing: list[PathTracingRecord] = Field(
+        description="all samples of a picture stratified among each other; empty where not compared with"
+    )
     progressive: list[PathTracingRecord] = Field(description="path tracing in passes that share no strata")
     points: list[PointRecord]
 

@@ -17,6 +17,7 @@ from rsibr.progress import Progress
 from rsibr.studies.agenda import Agenda, agenda_of
 from rsibr.studies.analysis import SceneAnalysis, analyse
 from rsibr.studies.bench import Bench
+from rsibr.studies.classes import classes_of
 from rsibr.studies.config import StudyConfig, load_study, parse_study
 from rsibr.studies.document import JudgeRecord, MachineRecord, StepRecord, StudyDocument
 from rsibr.studies.doubling import doubling_of
@@ -56,8 +57,8 @@ class Study:
 
     @property
     def scenes(self) -> list[tuple[SceneRecord, SceneAnalysis]]:
-        """Each scene with its analysis."""
-        return list(zip(self.document.scenes, self.document.analyses, strict=True))
+        """Each scene with its analysis; empty where only errors were measured."""
+        return self.document.analysed
 
     def points(self, **wanted: str | int) -> list[PointRecord]:
         """Points of all scenes whose fields, or whose bake's fields, have the given values.
@@ -150,6 +151,8 @@ class _Run:
         job = study_job(self.benches, self.agenda, expected)
         job.admit(self.folder, allow_large)
         on_forecast(job)
+        for bench in self.benches[1:]:  # the first is prepared already, by the measurement of the speed
+            bench.scene.release()
         self._note("preparation", self._elapsed, self._elapsed)
         self._work(todo, page_seconds, on_progress)
         document, drawn = self._told(page_seconds)
@@ -184,6 +187,7 @@ class _Run:
         """Document and figures of all results; the time of drawing is part of the run."""
         start, frames = time.perf_counter(), self.settings.judge.frames
         scenes = [_scene_record(bench, self.agenda, self.settings) for bench in self.benches]
+        timed = not self.settings.judge.errors_only
         document = StudyDocument(
             schema=1,
             name=self.settings.name,
@@ -193,8 +197,9 @@ class _Run:
             seconds=self._elapsed,
             steps=self._steps,
             scenes=scenes,
-            analyses=[analyse(scene, frames) for scene in scenes],
-            doubling=doubling_of(scenes, frames),
+            classes=classes_of(scenes),
+            analyses=[analyse(scene, frames) for scene in scenes] if timed else [],
+            doubling=doubling_of(scenes, frames) if timed else [],
         )
         drawn = Drawn.of(document)
         self._note("page", page_seconds, time.perf_counter() - start)
@@ -229,6 +234,7 @@ def _scene_record(bench: Bench, agenda: Agenda, settings: StudyConfig) -> SceneR
     )
     return SceneRecord(
         material=bench.scene.material_name,
+        material_class=bench.scene.material_class,
         environment=bench.scene.environment_name,
         reference=bench.judged.record(),
         path_tracing=rivals,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rsibr.backend import Rendering
 from rsibr.baking.finished import baking_code
+from rsibr.baking.loader import Loader
 from rsibr.baking.scene import Scene
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.novel_views import novel_views
@@ -49,6 +50,8 @@ class StudyScene:
         Of the base config, with this material and environment.
     material_name, environment_name : str
         Unique within the study.
+    material_class : str
+        Materials of one class are summed up together.
     resolution : int
         Texels a side of the judged pictures.
     """
@@ -56,6 +59,7 @@ class StudyScene:
     prepared: Scene
     material_name: str
     environment_name: str
+    material_class: str
     resolution: int
 
     @property
@@ -89,6 +93,11 @@ class StudyScene:
         return ColourEffects.of(self.config).rendering
 
     @cached_property
+    def lobe_names(self) -> list[str]:
+        """Names of the lobes of the material; they stay known when the scene is released."""
+        return list(self.prepared.parts.split.names)
+
+    @cached_property
     def tracer(self) -> PathTracer:
         """Path tracer at the judged resolution, compiled once."""
         return PathTracer(self.environment, self.material, self.resolution, self.rendering)
@@ -114,16 +123,28 @@ class StudyScene:
         """Everything that a picture of this scene depends on."""
         return {**self.content, "resolution": self.resolution, "judging code": source_digest(*JUDGING)}
 
+    def release(self) -> None:
+        """Release what was made of the scene for rendering; it is made again where it is needed.
+
+        Every BSDF that lives is compiled into every kernel that traces paths, of whatever scene: Dr.Jit dispatches over
+        all instances.
+        """
+        self.__dict__.pop("tracer", None)
+        self.prepared.parts.release()
+
 
 def load_scenes(study: StudyConfig, resolution: int) -> list[StudyScene]:
     """Prepare every scene of a study and give it a unique name."""
-    prepared = [Scene.prepare(config) for config in study.scenes]
-    materials = _names({_of_material(scene): _with_warp(scene) for scene in prepared})
-    environments = _names({scene.environment.digest: scene.environment.name for scene in prepared})
-    return [
-        StudyScene(scene, materials[_of_material(scene)], environments[scene.environment.digest], resolution)
-        for scene in prepared
-    ]
+    loader = Loader()
+    prepared = [(Scene.prepare(scene.config, loader=loader), scene.title) for scene in study.scenes]
+    materials = _names({_of_material(scene): title.name or _with_warp(scene) for scene, title in prepared})
+    environments = _names({scene.environment.digest: scene.environment.name for scene, _ in prepared})
+    found = []
+    for scene, title in prepared:
+        name = materials[_of_material(scene)]
+        sky = environments[scene.environment.digest]
+        found.append(StudyScene(scene, name, sky, title.material_class or name, resolution))
+    return found
 
 
 def judged_views(study: StudyConfig) -> list[NDArray[np.float64]]:
@@ -133,7 +154,7 @@ def judged_views(study: StudyConfig) -> list[NDArray[np.float64]]:
     config has them): the places farthest from every stored view. Subdividing leaves a triangle around each of them,
     with the same centroid, so that they stay the worst places at every subdivision. The others are random.
     """
-    base = study.scenes[0]
+    base = study.base
     viewpoints = icosphere(0) if base.views.file is None else load_viewpoints(base.views)
     seeds = np.random.SeedSequence(base.sampling.seed, spawn_key=(_VIEW_BRANCH,))
     return [view_frame(view) for _, view in novel_views(viewpoints, study.judge.views, seeds)]

@@ -47,7 +47,11 @@ MUCH_COMPILED = 0.1
 
 
 def measure_rates(
-    scene: StudyScene, agenda: Agenda, frames: Sequence[NDArray[np.float64]], compiled: dict[str, float]
+    scene: StudyScene,
+    agenda: Agenda,
+    frames: Sequence[NDArray[np.float64]],
+    compiled: dict[str, float],
+    errors_only: bool = False,
 ) -> Rates:
     """Measure the speed of this machine with two small bakes, a point of each method, and path-traced pictures.
 
@@ -63,9 +67,11 @@ def measure_rates(
         Judged views; the first ones are used.
     compiled : dict of str to float
         Takes the compilation times that are found, see `Bench.compiled`.
+    errors_only : bool
+        See `rsibr.studies.config.JudgeConfig`.
     """
     with TemporaryDirectory(prefix="rsibr-probe-") as folder:
-        return _Probe.of(scene, agenda, frames[:VIEWS], compiled, Path(folder)).rates()
+        return _Probe.of(scene, agenda, frames[:VIEWS], compiled, errors_only, Path(folder)).rates()
 
 
 @dataclass(frozen=True)
@@ -92,12 +98,13 @@ class _Probe:
         agenda: Agenda,
         frames: Sequence[NDArray[np.float64]],
         compiled: dict[str, float],
+        errors_only: bool,
         folder: Path,
     ) -> _Probe:
         least = min(agenda, key=lambda size: view_count(scene, size) * size.resolution**2)
         methods = dict.fromkeys(variant.method for variants in agenda.values() for variant in variants)
         journal = Journal(folder / "journal")
-        judge = JudgeConfig(samples=MINIMUM_BUFFERS, repeats=REPEATS)
+        judge = JudgeConfig(samples=MINIMUM_BUFFERS, repeats=REPEATS, errors_only=errors_only)
         judged = JudgedScene(scene, frames, judge, TruthStore(folder / "references", journal))
         bench = Bench(judged, journal, folder / "bakes", compiled)
         return cls(bench, replace(least, samples=FEW_SAMPLES), [variant_as_is(name) for name in methods])
@@ -124,8 +131,14 @@ class _Probe:
             methods=methods,
             decode_seconds=self._decode(),
             compare_seconds=self._compare(),
-            figure_seconds=_seconds(lambda: figures.svg_uri(figures.whereabouts([timed.point for timed in points]))),
+            reread_seconds=_seconds(self.bench.judged.record) / len(self.bench.judged.frames),
+            figure_seconds=self._figure([timed.point for timed in points]),
         )
+
+    def _figure(self, points: list[PointRecord]) -> float:
+        if self.bench.judged.judge.errors_only:
+            return 0.0  # there are none on the page
+        return _seconds(lambda: figures.svg_uri(figures.whereabouts(points)))
 
     def _many(self, texels: float) -> int:
         return max(4 * FEW_SAMPLES, round(MAX_LANES / texels))
@@ -183,7 +196,7 @@ class _Probe:
             compile_seconds=compilation,
             frame_seconds=cold.point.frame_seconds.median,
             lookup_seconds=cold.point.eval_seconds.median if cold.point.eval_seconds else 0.0,
-            preparations=preparations(self.scene, name),
+            preparations=preparations(self.scene, name, self.bench.judged.judge),
         )
 
     def _decode(self) -> float:

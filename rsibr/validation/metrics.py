@@ -172,6 +172,11 @@ def noise_floor(reference: Reference) -> float:
     return float(np.mean(_relative_noise(reference)))
 
 
+def zone_shares(reference: Reference) -> dict[str, float]:
+    """Share of the texels with coverage ≥ ½ in each of `ZONES`: weights with which their errors sum up to the map's."""
+    return {name: float(inside.mean()) for name, inside in _zones(reference.coverage >= COVERED).items()}
+
+
 def relative_noise_map(reference: Reference) -> NDArray[np.float32]:
     """Relative standard deviation of the reference, shape (H, W), on the scale of `MapError.relative_error`."""
     judged = reference.coverage >= COVERED
@@ -210,9 +215,7 @@ def _relative_mse(
     a: Array, buffers: Array, judged: NDArray[np.bool_]
 ) -> tuple[Estimate, tuple[Estimate, Estimate, Estimate], dict[str, Estimate]]:
     """Debiased relMSE of the map, of each channel and of each zone, with intervals by the jackknife."""
-    radius = _radius(judged)
-    zones = {name: (radius >= low) & (radius < high) for name, (low, high) in ZONES.items()}
-    zones = {name: inside for name, inside in zones.items() if inside.any()}
+    zones = {name: inside for name, inside in _zones(judged).items() if inside.any()}
 
     def averages(moments: _Moments) -> Array:
         texels = _debiased(a, moments)
@@ -250,6 +253,12 @@ def _worst_texel(error: Array, judged: NDArray[np.bool_]) -> WorstTexel:
     row, column = (int(index[worst]) for index in np.nonzero(judged))
     height, width = judged.shape
     return WorstTexel(s=(column + 0.5) / width, t=1.0 - (row + 0.5) / height, error=float(error[worst]))
+
+
+def _zones(judged: NDArray[np.bool_]) -> dict[str, NDArray[np.bool_]]:
+    """Which of the texels with coverage ≥ ½ lie in each zone."""
+    radius = _radius(judged)
+    return {name: (radius >= low) & (radius < high) for name, (low, high) in ZONES.items()}
 
 
 def _radius(judged: NDArray[np.bool_]) -> Array:

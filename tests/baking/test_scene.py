@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import rsibr
-from rsibr.baking import finished, parts
+from rsibr.baking import finished, loader, parts
 from rsibr.baking.finished import finished_bake
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.scene import Scene
@@ -53,9 +53,9 @@ def made(monkeypatch):
 
         monkeypatch.setattr(place, name, call)
 
-    counted(parts, "load_environment", "environment")
+    counted(loader, "load_environment", "environment")
     counted(health, "load_environment", "environment")
-    counted(parts, "load_material", "material")
+    counted(loader, "load_material", "material")
     counted(parts, "probe_scene", "probes")
     counted(parts, "light_of", "light")
     counted(LobeSplit, "of", "fit")
@@ -164,3 +164,26 @@ def test_a_scene_of_another_size_shares_what_no_size_decides(config, made):
     assert made == LOADED | {"probes": 1, "fit": 1, "plan": 2, "light": 1, "integrator": 1}
     with pytest.raises(ValueError, match="the material"):
         scene.resized(load_config(config, ["material.preset=matte-lambert"]))
+
+
+def test_scenes_of_one_loader_share_what_they_name_alike(config, made):
+    sharing = loader.Loader()
+    one, other, matte = (
+        Scene.prepare(config, overrides, sharing)
+        for overrides in ([], ["map.resolution=32"], ["material.preset=matte-lambert"])
+    )
+    assert one.environment is other.environment is matte.environment
+    assert one.material is other.material is not matte.material
+    assert made == {"environment": 1, "material": 2}
+    assert one.parts.seconds == other.parts.seconds > 0  # each counts the time, whoever loaded them
+
+
+def test_what_was_released_is_made_again(config, made):
+    scene = Scene.prepare(config)
+    loaded = scene.parts.seconds
+    before = scene.parts.split.names
+    assert scene.parts.seconds > loaded
+    scene.parts.release()
+    assert scene.parts.seconds == loaded
+    assert scene.parts.split.names == before
+    assert made == LOADED | {"fit": 2}

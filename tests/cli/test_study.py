@@ -46,6 +46,21 @@ def test_a_study_prints_what_it_expects_and_what_it_found(shell: Shell, study, t
     assert again.json["schema"] == 1
 
 
+def test_errors_alone_are_printed_by_class(shell: Shell, study, tmp_path):
+    """A table for each method, each with its worst pair; names are printed as they are."""
+    scenes = '[scenes]\nmaterial = [{preset = "matte-lambert", class = "[red] wall", name = "chalk"}]\n'
+    text = STUDY.partition("[path_tracing]")[0].replace('["cabral1999"]', '["cabral1999", "nearest"]')
+    study.write_text(text.replace("[[sweep]]", f"{scenes}[[sweep]]") + "errors_only = true\n")
+    ended = shell("study", study, "--out", tmp_path / "out")
+    assert ended.code == 0, ended
+    assert "nearest: relMSE of cabral1999 over its own, geometric mean · least" in ended.stdout
+    (row,) = (line for line in ended.stdout.splitlines() if "[red] wall" in line)
+    assert "chalk under constant" in row
+    assert re.search(r"(inner|middle|rim) · \(0\.\d\d, 0\.\d\d\)", row)
+    assert "Pareto" not in ended.stdout
+    assert "doubling" not in ended.stdout
+
+
 def test_mistakes_are_one_line(shell: Shell, study, tmp_path):
     shell.refuses("study", study, says="--out")
     shell.refuses("study", tmp_path / "nowhere.toml", "--out", tmp_path / "out", says="there is no such config")

@@ -12,6 +12,7 @@ import pytest
 
 from rsibr.errors import BakeError, MachineError
 from rsibr.store.bake import BakeWriter, open_bake
+from rsibr.store.directory import remove_folder
 from rsibr.store.map_file import MapFile
 from tests.store.synthetic import COUNT, RESOLUTION, SECONDS, baked, content, directions, manifest, viewpoints, write
 
@@ -242,3 +243,17 @@ def test_a_read_only_file_system_is_said(tmp_path, monkeypatch, call):
         with pytest.raises(BakeError, match=r"cannot be written \(Read-only file system\)"):
             write(tmp_path / "a")
     assert write(tmp_path / "a") == [0, 1, 2, 3]
+
+
+def test_a_removed_folder_leaves_nothing_and_follows_no_link(tmp_path):
+    write(tmp_path / "a")
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / "file").write_text("mine")
+    (tmp_path / "a" / "link").symlink_to(tmp_path / "kept")
+    (tmp_path / "a.removed").mkdir()  # of a process that was killed
+    (tmp_path / "a.removed" / "half").write_text("")
+    remove_folder(tmp_path / "a")
+    assert [path.name for path in tmp_path.iterdir()] == ["kept"]
+    assert (tmp_path / "kept" / "file").read_text() == "mine"
+    with pytest.raises(BakeError, match="cannot be written"):
+        remove_folder(tmp_path / "a")

@@ -1,4 +1,4 @@
-"""A tiny real study, made once."""
+"""Tiny real studies, each made once."""
 
 from __future__ import annotations
 
@@ -33,3 +33,25 @@ def tables(sky: Path) -> dict[str, Any]:
 def small(tmp_path_factory: pytest.TempPathFactory, asymmetric_environment: Path) -> Study:
     """Return a finished study."""
     return study(tables(asymmetric_environment), out=tmp_path_factory.mktemp("study"))
+
+
+def zoo_tables(sky: Path) -> dict[str, Any]:
+    """Two classes of material under four coloured lights, of which errors alone are measured."""
+    return {
+        "base": {"map": {"resolution": 16}, "sampling": {"samples": 16}, "effects": {"spectral": "off"}},
+        "scenes": {
+            "material": [
+                {"class": "plastic", "preset": "glossy-plastic"},
+                {"class": "metal", "name": "dull copper", "bsdf": {"type": "roughconductor", "alpha": 0.4}},
+            ],
+            "environment": [str(sky)],
+        },
+        "sweep": [{"method": ["cabral1999", "rsibr", "rsibr-fine"]}],
+        "judge": {"views": 2, "samples": 64, "repeats": 3, "errors_only": True, "keep_bakes": False},
+    }
+
+
+@pytest.fixture(scope="session")
+def zoo(tmp_path_factory: pytest.TempPathFactory, asymmetric_environment: Path) -> Study:
+    """Return a finished study of errors by class of material."""
+    return study(zoo_tables(asymmetric_environment), out=tmp_path_factory.mktemp("zoo"))

@@ -8,6 +8,7 @@ from rsibr.studies.results import (
     BakeRecord,
     ErrorRecord,
     PathTracingRecord,
+    PlaceRecord,
     PointRecord,
     ReferenceRecord,
     SceneRecord,
@@ -17,6 +18,9 @@ from rsibr.studies.results import (
 from rsibr.validation.report.document import EstimateModel
 
 MEGABYTE = 2**20
+
+ZONES = {"inner": 4 / 9, "middle": 0.81 - 4 / 9, "rim": 0.19}
+"""Shares of a disk by area."""
 
 
 def estimate(value: float, half: float = 0.0) -> EstimateModel:
@@ -34,6 +38,7 @@ def error(value: float) -> ErrorRecord:
         flip=0.02,
         energy_ratio=None,
         worst_texel=1.0,
+        worst_place=PlaceRecord(view=1, s=0.9, t=0.5),
     )
 
 
@@ -97,8 +102,11 @@ def path_traced(samples: int, *, pass_samples: int | None = None, noise: float =
 def scene(points: list[PointRecord], **changes: Any) -> SceneRecord:
     values = {
         "material": "red <paint>",
+        "material_class": "paint",
         "environment": "city",
-        "reference": ReferenceRecord(samples=4096, buffers=8, sampler="multijitter", seconds=9.0, noise_floor=1e-5),
+        "reference": ReferenceRecord(
+            samples=4096, buffers=8, sampler="multijitter", seconds=9.0, noise_floor=1e-5, zones=ZONES
+        ),
         "path_tracing": [path_traced(n) for n in (64, 256, 1024)],
         "progressive": [path_traced(n, pass_samples=64) for n in (64, 256, 1024)],
         "points": points,

@@ -44,6 +44,10 @@ def study(*sweeps: dict[str, Any], **tables: Any):
         ({"base": BASE, "sweep": [{}], "judge": {"repeats": 1}}, "greater than or equal to 3"),
         ({"base": BASE, "sweep": [{}], "path_tracing": {"samples": [4, 8]}}, "at least three values"),
         ({"base": BASE, "sweep": [{}], "scenes": {"material": [{"prest": "x"}]}}, "did you mean 'material.preset'?"),
+        (
+            {"base": BASE, "sweep": [{}], "scenes": {"material": ["solid-red", {"preset": "solid-red", "class": 3}]}},
+            "scenes.material[2]: class = 3 should be a valid string",
+        ),
         ({"base": {**BASE, "smapling": {}}, "sweep": [{}]}, "unknown key 'smapling': did you mean 'sampling'?"),
     ],
 )
@@ -59,7 +63,7 @@ def test_scenes_are_every_material_under_every_environment():
         "material": ["solid-red", {"bsdf": {"type": "diffuse"}}],
         "environment": ["sky.exr", {"emitter": {"type": "constant"}, "rotation_deg": 90.0}],
     }
-    found = study(scenes=scenes).scenes
+    found = [scene.config for scene in study(scenes=scenes).scenes]
     assert [(c.material.preset, c.environment.file and c.environment.file.name) for c in found] == [
         ("solid-red", "sky.exr"),
         (None, "sky.exr"),
@@ -69,8 +73,16 @@ def test_scenes_are_every_material_under_every_environment():
     assert all(config.map.resolution == 32 for config in found)
 
 
+def test_a_material_has_a_name_and_a_class():
+    material = ["solid-red", {"preset": "solid-red", "warp": "normal", "name": "red", "class": "paint"}]
+    plain, named = study(scenes={"material": material}).scenes
+    assert (plain.title.name, plain.title.material_class) == (None, None)
+    assert (named.title.name, named.title.material_class) == ("red", "paint")
+    assert (named.config.material.preset, named.config.material.warp) == ("solid-red", "normal")
+
+
 def test_without_scenes_the_base_is_the_scene():
-    (config,) = study().scenes
+    config = study().base
     assert config.material.preset == "matte-lambert"
 
 
@@ -79,17 +91,44 @@ def test_paths_are_relative_to_the_file_they_stand_in(tmp_path):
     base = '[environment]\nfile = "sky.exr"\n[material]\npreset = "solid-red"\n'
     (tmp_path / "base" / "b.toml").write_text(base)
     (tmp_path / "s.toml").write_text('base = "base/b.toml"\n[[sweep]]\nsamples = [4]\n')
-    assert load_study(tmp_path / "s.toml").scenes[0].environment.file == tmp_path / "base" / "sky.exr"
+    assert load_study(tmp_path / "s.toml").base.environment.file == tmp_path / "base" / "sky.exr"
     text = 'base = "base/b.toml"\n[scenes]\nenvironment = ["sky.exr"]\n[[sweep]]\nsamples = [4]\n'
     (tmp_path / "s.toml").write_text(text)
-    assert load_study(tmp_path / "s.toml").scenes[0].environment.file == tmp_path / "sky.exr"
+    assert load_study(tmp_path / "s.toml").base.environment.file == tmp_path / "sky.exr"
+    nested = '{bsdf = {type = "twosided", a = {type = "measured", filename = "m.bsdf"}}}'
+    (tmp_path / "s.toml").write_text(text.replace("[scenes]", f"[scenes]\nmaterial = [{nested}]"))
+    assert load_study(tmp_path / "s.toml").base.material.bsdf["a"]["filename"] == str(tmp_path / "m.bsdf")
 
 
 def test_the_small_study_that_ships_is_whole():
     settings = load_study(configs() / "study_small.toml")
     assert len(settings.scenes) == 4
-    assert all(config.environment.file.is_file() for config in settings.scenes)
+    assert all(scene.config.environment.file.is_file() for scene in settings.scenes)
     assert {size.subdivision for size in agenda_of(settings)} == {0, 1}
+
+
+def test_the_zoo_covers_what_it_says():
+    """Each distribution with each α; each metal in both; each material under four skies; every file is there."""
+    settings = load_study(configs() / "study_zoo.toml")
+    metals = [
+        scene.config.material.bsdf
+        for scene in settings.scenes
+        if (scene.config.material.bsdf or {}).get("type") == "roughconductor"
+    ]
+    alphas = {0.02, 0.05, 0.1, 0.2, 0.4, 0.6}
+    for distribution in ("beckmann", "ggx"):
+        own = [bsdf for bsdf in metals if bsdf["distribution"] == distribution]
+        assert {bsdf["alpha"] for bsdf in own} == alphas
+        assert {bsdf["material"] for bsdf in own} == {"Al", "Au", "Cr", "Cu"}
+    assert all(len({bsdf["material"] for bsdf in metals if bsdf["alpha"] == alpha}) == 2 for alpha in alphas)
+    names = [scene.title.name or scene.config.material.preset for scene in settings.scenes]
+    assert {names.count(name) for name in names} == {4}
+    assert all(scene.title.material_class for scene in settings.scenes)
+    assert all(scene.config.environment.file.is_file() for scene in settings.scenes)
+    assert settings.judge.errors_only
+    ((size, variants),) = agenda_of(settings).items()
+    assert (size.resolution, size.samples, size.subdivision) == (48, 256, 0)
+    assert [variant.method for variant in variants] == ["cabral1999", "rsibr", "rsibr-fine"]
 
 
 def test_a_plan_holds_every_bake_and_every_picture_once():
@@ -142,7 +181,7 @@ def test_views_of_ones_own_have_no_subdivision():
 
 
 def test_a_bakes_config_is_the_scenes_but_for_its_size():
-    (scene,) = study().scenes
+    scene = study().base
     config = BakeSize(64, 16, 2).config(scene)
     assert (config.sampling.samples, config.map.resolution, config.views.subdivision) == (64, 16, 2)
     assert (config.material, config.environment, config.sampling.seed) == (scene.material, scene.environment, 0)

@@ -31,6 +31,7 @@ RATES = Rates(
     },
     decode_seconds=0.005,
     compare_seconds=0.05,
+    reread_seconds=0.01,
     figure_seconds=0.4,
 )
 
@@ -70,7 +71,15 @@ def test_steps_follow_from_the_rates(asymmetric_environment, tmp_path):
     assert second["rsibr of 12 views"] == pytest.approx(3.0 * (2 + 3) / 4)  # prepared for each of three lobes, not two
     lobes = first["lobes of reference 1"]
     assert second["lobes of reference 1"] == pytest.approx(lobes + 7.0)  # its lobes are fitted there
-    assert forecast.page_seconds == pytest.approx(0.4 * 7)
+    assert forecast.page_seconds == pytest.approx(0.4 * 7 + 0.01 * 2 * 2)
+
+
+def test_of_errors_alone_nothing_else_is_done(asymmetric_environment, tmp_path):
+    settings = tables(asymmetric_environment)
+    settings["judge"]["errors_only"] = True
+    steps = by_name(forecast_of(settings, tmp_path, []).steps(0))
+    assert not [name for name in steps if name.startswith(("lobes", "path tracing"))]
+    assert steps["rsibr of 12 views"] == pytest.approx(3.0 / 4)  # made ready once, not with noise and for two lobes
 
 
 def test_more_judged_views_and_repeats_take_longer(asymmetric_environment, tmp_path):

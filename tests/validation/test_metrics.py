@@ -9,7 +9,14 @@ from rsibr.errors import CheckFailed
 from rsibr.store.map_file import MapFile
 from rsibr.store.noise import map_noise
 from rsibr.validation.flip import exposures_for
-from rsibr.validation.metrics import _Moments, compare, noise_floor, relative_mse_of_samples, relative_noise_map
+from rsibr.validation.metrics import (
+    _Moments,
+    compare,
+    noise_floor,
+    relative_mse_of_samples,
+    relative_noise_map,
+    zone_shares,
+)
 from rsibr.validation.reference import Reference
 from tests.validation.doubles import disk, noisy_reference, smooth_map
 
@@ -62,12 +69,14 @@ def test_zones_tell_the_rim_from_the_middle():
 
 
 def test_zones_add_up_to_the_whole(rng):
-    error = compare(rng.uniform(0.5, 2, (32, 32, 3)), noisy_reference(smooth_map(), 0.05, rng), EXPOSURES)
+    reference = noisy_reference(smooth_map(), 0.05, rng)
+    error = compare(rng.uniform(0.5, 2, (32, 32, 3)), reference, EXPOSURES)
     centre = (np.arange(32) + 0.5) / 16 - 1
     radius = np.hypot(centre[None], centre[:, None])[INSIDE]
     shares = [np.mean(radius < 2 / 3), np.mean((radius >= 2 / 3) & (radius < 0.9)), np.mean(radius >= 0.9)]
     whole = sum(share * zone.value for share, zone in zip(shares, error.rel_mse_zones.values(), strict=True))
     assert error.rel_mse.value == pytest.approx(whole, rel=1e-12)
+    assert zone_shares(reference) == dict(zip(error.rel_mse_zones, shares, strict=True))
 
 
 @pytest.fixture

@@ -30,3 +30,13 @@ class EstimateModel(StrictModel):
     def of(cls, estimate: Estimate) -> EstimateModel:
         """Make the model of an estimate."""
         return cls(value=estimate.value, ci95=estimate.ci95, below_noise_floor=estimate.below_noise_floor)
+
+    @property
+    def half_interval(self) -> float:
+        """Half of the 95 % confidence interval."""
+        return (self.ci95[1] - self.ci95[0]) / 2
+
+    @property
+    def resolved(self) -> float:
+        """The value, or half the interval where that is larger: an error below the noise floor counts as that."""
+        return max(self.value, self.half_interval)
