@@ -20,7 +20,7 @@ SKY = (0.04, 0.05, 0.07)
 """Radiance of the even sky around a lamp [W sr⁻¹ m⁻²]."""
 
 IRRADIANCE = 3.0
-"""Irradiance of a lamp on a surface that faces it [W m⁻²], about twenty times that of the sky."""
+"""Irradiance of a lamp on a surface that faces it [W m⁻²], about 18 times that of the sky."""
 
 
 def unit(v: Array) -> Array:
