@@ -48,7 +48,9 @@ class ProbeDirections:
 
 
 @cache
-def probe_directions(cosines: tuple[float, ...] = COSINES_OUT, draws: int = DRAWS, seed: int = _SEED) -> ProbeDirections:
+def probe_directions(
+    cosines: tuple[float, ...] = COSINES_OUT, draws: int = DRAWS, seed: int = _SEED
+) -> ProbeDirections:
     """Draw light directions from lobes of all widths around the mirror direction of each view, and from a cosine lobe.
 
     Parameters

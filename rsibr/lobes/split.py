@@ -131,7 +131,9 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
         probes = probe_directions()
         wi, wo = (mi.Vector3f(np.ascontiguousarray(w.T, dtype=np.float32)) for w in (probes.wi, probes.wo))
         values = [np.broadcast_to(np.array(part, dtype=np.float64).T, probes.wi.shape) for part in self.parts(wi, wo)]
-        return [fit_shape(v, proxy.alpha, with_matte=proxy.is_matte) for v, proxy in zip(values, self._proxies, strict=True)]
+        return [
+            fit_shape(v, proxy.alpha, with_matte=proxy.is_matte) for v, proxy in zip(values, self._proxies, strict=True)
+        ]
 
     def split(
         self,

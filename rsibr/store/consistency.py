@@ -160,7 +160,9 @@ def _check_shape(shape: ShapeRecord, place: str) -> None:
         sigmas = np.array([one.sigma for one in mixture])
         sound = len(mixture) <= _MOST_GAUSSIANS and bool((np.diff(sigmas, prepend=0.0) > 0.0).all())
         _require(sound, f"{place}.{name}: too many Gaussians, or not in order of their widths")
-        _require(bool((sigmas >= _NARROWEST).all() and (sigmas <= _WIDEST).all()), f"{place}.{name}: width out of range")
+        _require(
+            bool((sigmas >= _NARROWEST).all() and (sigmas <= _WIDEST).all()), f"{place}.{name}: width out of range"
+        )
         weights = np.array([(one.plain, one.grazing) for one in mixture])
         within = (weights >= 0.0) & (weights <= _LARGEST_COEFFICIENT)
         _require(bool(within.all()), f"{place}.{name}: weights out of range")

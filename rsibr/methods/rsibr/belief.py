@@ -307,7 +307,9 @@ class _Neighbour:
     def fetched(self, image: Array, covered: NDArray[np.bool_]) -> Array:
         """Bilinear lookup of an image (N, N, 3) of the neighbour, shape (n, 3)."""
         filled = _filled(image, covered)
-        return np.stack([map_coordinates(filled[..., c], self.place, order=1, mode="nearest") for c in range(3)], axis=1)
+        return np.stack(
+            [map_coordinates(filled[..., c], self.place, order=1, mode="nearest") for c in range(3)], axis=1
+        )
 
 
 def _test_normals(size: int) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]], Array]:

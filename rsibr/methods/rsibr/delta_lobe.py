@@ -92,4 +92,6 @@ class DeltaLobe:
             toward = 2 * normal.z * normal - mi.Vector3f(0, 0, 1)
             return albedo(normal.z) * self.fetch(frame @ toward)
 
-        return texel_mean(n, spacing, sides(n, self.fineness * spacing, _FEWEST, _MOST, _FLATTEST), seen, "mirror_over_texel")
+        return texel_mean(
+            n, spacing, sides(n, self.fineness * spacing, _FEWEST, _MOST, _FLATTEST), seen, "mirror_over_texel"
+        )

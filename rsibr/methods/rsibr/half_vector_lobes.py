@@ -116,7 +116,9 @@ class HalfVectorLobes:
         return cls(
             light=pyramid,
             levels=tables if whole.has_levels else [],
-            balance=balance(all_tables, finest) if whole.has_levels else mi.Float(0),  # of the whole, so that parts add up
+            balance=balance(all_tables, finest)
+            if whole.has_levels
+            else mi.Float(0),  # of the whole, so that parts add up
             sharp=NarrowGaussians.of(terms.narrow, parts.narrow, whole.sharp, ratio=fidelity.ratio),
             wide=WideLight.of(terms.gaussians, parts.gaussians, finest),
             mirror=mirror_of(lobes, pyramid, light, part, density),

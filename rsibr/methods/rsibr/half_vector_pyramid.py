@@ -39,7 +39,9 @@ def _added(halvings: int) -> float:
     return _LOOKUP * 4.0**halvings + _UPSAMPLED * sum(4.0**k for k in range(1, halvings + 1)) + _LOOKUP
 
 
-LADDER = tuple((halvings, (0.25 + _added(0)) * 2.0**level - _added(halvings)) for level, halvings in enumerate(_HALVINGS))
+LADDER = tuple(
+    (halvings, (0.25 + _added(0)) * 2.0**level - _added(halvings)) for level, halvings in enumerate(_HALVINGS)
+)
 """For each level, how often its side is halved, and its variance before lookups [texels² of level 0].
 
 After the collapse each level has twice the variance of the one before it; the first is blurred by ¼ texel².
@@ -168,9 +170,7 @@ def balance(weights: list[CosineTable], resolution: int) -> mi.Float:
     return _stored(wanted / dr.maximum(even, 1e-20))
 
 
-def lookup(
-    texels: mi.Float, p: mi.Point2f, resolution: mi.UInt32 | int, start: mi.UInt32 | int = 0
-) -> mi.Vector4f:
+def lookup(texels: mi.Float, p: mi.Point2f, resolution: mi.UInt32 | int, start: mi.UInt32 | int = 0) -> mi.Vector4f:
     """Bilinear lookup in a half-vector map of G×G texels with a border of one texel.
 
     Parameters

@@ -30,7 +30,6 @@ from rsibr.methods.rsibr.polar_grid import PolarGrid
 from rsibr.methods.rsibr.view_nodes import ViewNodes
 from rsibr.methods.rsibr.wide_light import WideLight
 
-
 _RATIO = 1.6  # greatest ratio of the widths of Gaussians that share a footprint
 
 

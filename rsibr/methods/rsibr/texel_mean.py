@@ -61,9 +61,7 @@ def texel_mean(
     return total / weight
 
 
-def sides(
-    n: mi.Vector3f, step: mi.Float, fewest: int, most: int, flattest: float
-) -> tuple[mi.UInt32, mi.UInt32]:
+def sides(n: mi.Vector3f, step: mi.Float, fewest: int, most: int, flattest: float) -> tuple[mi.UInt32, mi.UInt32]:
     """Sample points of texels along their width and height, in proportion to the angle that they span.
 
     Parameters
