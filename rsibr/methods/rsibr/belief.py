@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,9 @@ from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.warp_blend.warp import FADE_RADIUS
 
 Array = NDArray[np.float64]
+
+Image = NDArray[np.floating[Any]]
+"""RGB image, shape (N, N, 3)."""
 
 NODES = 6
 """Nodes of the trust in residuals, even in √cos θ."""
@@ -48,9 +52,9 @@ class StoredView:
         Columns x, y, v.
     """
 
-    stored: Array
-    predicted: Array
-    albedo: Array
+    stored: Image
+    predicted: Image
+    albedo: Image
     covered: NDArray[np.bool_]
     frame: Array
 
@@ -125,7 +129,7 @@ def judged(triangles: NDArray[np.int64], count: int) -> dict[int, list[int]]:
 
 
 def learnt(
-    views: Views, neighbours: Mapping[int, list[int]], lobes: int, by_lobe: Callable[[], list[dict[int, Array]]]
+    views: Views, neighbours: Mapping[int, list[int]], lobes: int, by_lobe: Callable[[], list[dict[int, Image]]]
 ) -> Belief:
     """Learn from a bake what to believe.
 
@@ -172,7 +176,7 @@ def _errors(weight: Array, hats: Array, difference: Array) -> Array:
 
 
 def _with_scaled_lobes(
-    folds: Sequence[_Fold], views: Views, by_lobe: list[dict[int, Array]], weight: Array, stored: Array
+    folds: Sequence[_Fold], views: Views, by_lobe: list[dict[int, Image]], weight: Array, stored: Array
 ) -> tuple[Array, Array]:
     """Factors on the lobes with which the model helps an interpolation most, and the estimates that result.
 
@@ -232,8 +236,8 @@ class _Fold:
     view: int
     texels: tuple[NDArray[np.int64], NDArray[np.int64]]
     neighbours: list[_Neighbour]
-    stored: Array
-    albedo: Array
+    stored: Image
+    albedo: Image
     weight: Array
     hats: Array
 
@@ -261,11 +265,11 @@ class _Fold:
         hats = np.maximum(0, 1 - np.abs(np.sqrt(cosine)[:, None] * (NODES - 1) - np.arange(NODES)))
         return cls(index, texels, neighbours, stored, view.albedo[texels], weight, hats)
 
-    def own(self, images: Mapping[int, Array]) -> Array:
+    def own(self, images: Mapping[int, Image]) -> Array:
         """Values of an image of this view at its texels, shape (n, 3)."""
         return np.asarray(images[self.view][self.texels])
 
-    def carried(self, views: Views, predicted: Mapping[int, Array], *, damped: bool) -> Array:
+    def carried(self, views: Views, predicted: Mapping[int, Image], *, damped: bool) -> Array:
         """Residuals S − P of the neighbours carried to this view, shape (n, 3); see `warped_residual`."""
         residual, total = np.zeros_like(self.stored), np.zeros(len(self.stored))
         for one in self.neighbours:
@@ -304,7 +308,7 @@ class _Neighbour:
     overlap: Array
     fade: Array
 
-    def fetched(self, image: Array, covered: NDArray[np.bool_]) -> Array:
+    def fetched(self, image: Image, covered: NDArray[np.bool_]) -> Array:
         """Bilinear lookup of an image (N, N, 3) of the neighbour, shape (n, 3)."""
         filled = _filled(image, covered)
         return np.stack(
@@ -322,7 +326,7 @@ def _test_normals(size: int) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]
     return (rows[inside], columns[inside]), np.stack([x, y, np.sqrt(1 - x**2 - y**2)], axis=1)
 
 
-def _filled(image: Array, covered: NDArray[np.bool_]) -> Array:
+def _filled(image: Image, covered: NDArray[np.bool_]) -> Array:
     """Extend values beyond the disk from the nearest texel inside."""
     row, column = distance_transform_edt(~covered, return_distances=False, return_indices=True)
     return np.asarray(image[row, column])

@@ -230,7 +230,7 @@ def _convolved(
     by_row: bool,
 ) -> mi.Float:
     """Convolve along one axis; `columns` and `rows` are the sides before and after, without borders."""
-    before, after = columns if by_row else rows
+    before = columns[0] if by_row else rows[0]
     width, stride = columns[1] + 2, columns[0] + 2
     index = dr.arange(mi.UInt32, width * (rows[1] + 2))
     row, column = mi.Int32(index // width), mi.Int32(index % width)

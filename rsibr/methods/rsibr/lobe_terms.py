@@ -1,7 +1,7 @@
-"""Terms of the prediction: each Gaussian and each matte part of all lobes, with its share of the lobe's albedo by angle.
+"""Terms of the prediction: the Gaussians and matte parts of all lobes, with their shares of the albedo by angle.
 
 A lobe k predicts P_k = E_k Σ_j (u_kj/Σ u_kj) Λ_kj: the directional albedo E_k of the true BRDF, shared out in
-proportion to the energies u_kj of the terms of its shape, times the mean light Λ_kj over each term's kernel. The methods
+proportion to the energies u_kj of the terms of its shape, times the mean light Λ_kj over each term's kernel. Methods
 differ only in how they gather Λ. Equation numbers are those of docs/method.md.
 """
 

@@ -129,10 +129,14 @@ def _groups(terms: Sequence[GaussianTerm], members: list[int], ratio: float) -> 
     groups: list[list[int]] = []
     for k in sorted(members, key=lambda k: (terms[k].is_coated, terms[k].sigma)):
         first = terms[groups[-1][0]] if groups else None
-        if (np.isinf(ratio) and groups) or (first is not None and (first.is_coated, True) == (
-            terms[k].is_coated,
-            terms[k].sigma <= ratio * first.sigma,
-        )):
+        if (np.isinf(ratio) and groups) or (
+            first is not None
+            and (first.is_coated, True)
+            == (
+                terms[k].is_coated,
+                terms[k].sigma <= ratio * first.sigma,
+            )
+        ):
             groups[-1].append(k)
         else:
             groups.append([k])

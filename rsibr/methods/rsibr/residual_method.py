@@ -263,7 +263,7 @@ class ResidualOptions:
         return mirrors[0].name if mirrors[0].views is None else None
 
     def carried_image(self, map_file: MapFile) -> NDArray[np.float32]:
-        """Radiance of a stored map whose residual is carried, shape (N, N, 3): without the delta lobe if that is not."""
+        """Radiance of a stored map of which the residual is carried, (N, N, 3): without a separate delta lobe."""
         image = self.inputs.image(map_file, self.lobe)
         return image if self.separate_mirror is None else image - self.inputs.image(map_file, self.separate_mirror)
 

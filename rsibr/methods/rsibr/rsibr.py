@@ -6,15 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import mitsuba as mi
-import numpy as np
-from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
-from rsibr.methods.rsibr.belief import Belief, StoredView, judged, learnt
+from rsibr.methods.rsibr.belief import Belief, Image, StoredView, judged, learnt
 from rsibr.methods.rsibr.half_vector_lobes import FAST, Fidelity, HalfVectorLobes, MapTables
 from rsibr.methods.rsibr.lobe_integral import LobeIntegral
 from rsibr.methods.rsibr.lobe_terms import Lobe
@@ -109,7 +107,8 @@ def believed(options: ResidualOptions, fidelity: Fidelity) -> Belief:
     inputs = options.inputs
     if fidelity not in inputs.learnt:
         inputs.learnt[fidelity] = _learnt(ResidualOptions(inputs, uses_maps=True), fidelity)
-    return inputs.learnt[fidelity]
+    belief: Belief = inputs.learnt[fidelity]
+    return belief
 
 
 def _learnt(options: ResidualOptions, fidelity: Fidelity) -> Belief:
@@ -117,18 +116,18 @@ def _learnt(options: ResidualOptions, fidelity: Fidelity) -> Belief:
     neighbours = judged(inputs.viewpoints.triangles, inputs.bake.view_count)
     used = sorted({index for view, around in neighbours.items() for index in (view, *around)})
 
-    def predicted(part: LobeShape | None) -> dict[int, tuple[NDArray[np.float32], NDArray[np.float32]]]:
+    def predicted(part: LobeShape | None) -> dict[int, tuple[Image, Image]]:
         model = HalfVectorLobes.of(lobes, inputs.pyramid, inputs.light, part, options.mirror_density, fidelity)
         alone = ResidualOptions(inputs, uses_maps=False)
         method = residual_method(Rsibr, "", alone, "gnomonic", lobes=model, points=lambda: None)
         method.carries_mirror = options.separate_mirror is None
         return {k: method.predicted_at_texels(inputs.maps[k].frame, inputs.bake.resolution) for k in used}
 
-    def of_view(index: int, radiance: NDArray[np.float32], albedo: NDArray[np.float32]) -> StoredView:
+    def of_view(index: int, radiance: Image, albedo: Image) -> StoredView:
         seen = inputs.maps[index]
         return StoredView(options.carried_image(seen), radiance, albedo, seen.coverage > 0, seen.frame)
 
-    def by_lobe() -> list[dict[int, NDArray[np.float32]]]:
+    def by_lobe() -> list[dict[int, Image]]:
         return [{k: image for k, (image, _) in predicted(shape).items()} for shape, _ in lobes]
 
     views = {index: of_view(index, *found) for index, found in predicted(None).items()}

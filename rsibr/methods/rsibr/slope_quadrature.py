@@ -25,7 +25,7 @@ from rsibr.methods.rsibr.polar_grid import RINGS
 Array = NDArray[np.float64]
 
 POINTS = 160
-"""Points a ring, if all Gaussians are bare or all are coated; for either kind in proportion to the root of its share."""
+"""Points a ring if all Gaussians are bare, or all are coated; otherwise of either kind by the root of its share."""
 
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 _LEAST_COSINE = 2e-3  # of the last ring, whose normals are at right angles to the view
@@ -134,7 +134,7 @@ def _outward(viewer: Array, outer: Array, toward: Array, facet: Array) -> Array:
 
 def _below(cosine: Array) -> Array:
     """Cosine in the coat of a direction outside."""
-    return np.sqrt(refracted(np.sqrt(np.maximum(1 - cosine**2, 0)), 0.0, COAT_IOR)[2])
+    return np.asarray(np.sqrt(refracted(np.sqrt(np.maximum(1 - cosine**2, 0)), 0.0, COAT_IOR)[2]))
 
 
 def _spiral(terms: Sequence[GaussianTerm], count: int) -> tuple[Array, Array]:
