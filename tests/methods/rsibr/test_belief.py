@@ -104,7 +104,7 @@ def test_a_model_of_another_light_is_scaled_or_weighed_down():
     assert called
     assert not belief.is_full
     assert belief.model[0] < 0.3
-    assert 0 <= belief.weight.min()
+    assert belief.weight.min() >= 0
     assert belief.weight.max() <= 1
 
 
