@@ -103,6 +103,7 @@ def test_weights_under_a_coat_follow_brute_force():
     n = np.tile([0.0, 0.0, 1.0], (len(v), 1))
     _, albedo = by_quadrature(np.ones_like, n, v, lambda wi, wo: coated_ggx(wi, wo, 0.3))
     assert weight / weight[-1] == pytest.approx(albedo / albedo[-1], rel=0.04)
+    assert weight == pytest.approx(albedo, rel=0.02)
 
 
 def test_fresnel_weighs_grazing_facets():

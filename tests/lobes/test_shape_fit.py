@@ -92,6 +92,7 @@ def test_fresnel_is_told_from_the_shape(alpha, even, steep):
 def test_flakes_under_a_coat_are_told_from_bare_ones():
     shape = lobe_shapes.coated(0.3)
     assert errors(shape, lambda wi, wo: microfacet.coated_ggx(wi, wo, 0.3)).max() < 1e-3
+    assert shape.coated.plain.sum(axis=0) == pytest.approx([1] * 3, abs=0.03)
     assert not len(shape.bare)
 
 
