@@ -24,9 +24,6 @@ from rsibr.methods.rsibr.polar_grid import RINGS
 
 Array = NDArray[np.float64]
 
-POINTS = 160
-"""Points a ring if all Gaussians are bare, or all are coated; otherwise of either kind by the root of its share."""
-
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 _LEAST_COSINE = 2e-3  # of the last ring, whose normals are at right angles to the view
 
@@ -51,7 +48,7 @@ class SlopeQuadrature:
 
     @classmethod
     def of(
-        cls, terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], resolution: int
+        cls, terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], resolution: int, points: int
     ) -> SlopeQuadrature | None:
         """Place the points for the wide ones of `terms`, with the shares of `parts`; None if they have none.
 
@@ -62,6 +59,9 @@ class SlopeQuadrature:
             one.
         resolution : int
             Texels a side of level 0 of the half-vector pyramid.
+        points : int
+            Points a ring if all Gaussians are bare, or all are coated; otherwise either kind has as many times the
+            root of its share.
         """
         members = list(zip(terms, parts, strict=True))
         kinds = [[pair for pair in members if pair[0].is_coated == coated] for coated in (False, True)]
@@ -69,7 +69,7 @@ class SlopeQuadrature:
         energies = np.array([share.sum() for share in shares])
         if not energies.any():
             return None
-        counts = np.ceil(POINTS * np.sqrt(energies / energies.sum())).astype(int)
+        counts = np.ceil(points * np.sqrt(energies / energies.sum())).astype(int)
         found = [
             _points(kind, int(count), resolution)
             for kind, count, energy in zip(kinds, counts, energies, strict=True)
