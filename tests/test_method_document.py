@@ -164,7 +164,7 @@ def test_a_mixture_of_three_levels_errs_as_little_as_quoted():
     assert weights[3:6] == pytest.approx([-0.133, 0.785, 0.348], abs=5e-4)
     assert (weights.sum(), weights @ steps) == pytest.approx((1, variance))
 
-    def errors(mixed):
+    def errors(mixed, variance=variance):
         every, signed = np.append(steps, variance) / variance, np.append(mixed, -1)
         return np.sqrt(2 * signed @ (1 / (every[:, None] + every)) @ signed), (mixed / steps).sum() * variance - 1
 
@@ -175,7 +175,7 @@ def test_a_mixture_of_three_levels_errs_as_little_as_quoted():
     two[4], two[5] = 2 - np.sqrt(2), np.sqrt(2) - 1
     assert "7.2 %, the middle 12 % too" in TEXT
     assert errors(two) == pytest.approx((0.072, 0.12), abs=2e-3)
-    worst = max(errors(_mixture(np.array([v]), steps)[:, 0])[0] for v in np.geomspace(1.01, 1.99, 41) * steps[4])
+    worst = max(errors(_mixture(np.array([v]), steps)[:, 0], v)[0] for v in np.geomspace(1.01, 1.99, 41) * steps[4])
     assert worst < 0.0305
 
 
