@@ -45,7 +45,7 @@ GOOD = 5e-3
 STEP = 1e-3
 """Distance from an edge at which a view is on either side of it [rad]."""
 
-FASTEST = 5.0
+FASTEST = 8.0
 """How many times as fast as the truth a map may change with the view."""
 
 each_method = pytest.mark.parametrize("method", ["rsibr", "rsibr-fine"])
