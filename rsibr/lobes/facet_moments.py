@@ -1,7 +1,7 @@
 """Energy, mean and standard deviation of the visible microfacet lobe, by view angle.
 
 At an oblique angle some microfacets are masked, and some reflect below the horizon. The visible part of a Gaussian over
-slopes is narrower, and its mean leans toward the viewer: the off-specular peak of the lobe.
+slopes is narrower, and its mean leans toward the viewer: the off-specular peak of the lobe. See docs/method.md, eq. 26.
 """
 
 from __future__ import annotations
