@@ -18,7 +18,7 @@ WELL_FITTED = 0.1
 """Share of the light gathered from wrong directions, at the worst angle, up to which a material counts as fitted.
 
 Measured under `city`, 48²: presets and isotropic plugins stay below 0.09, and the relMSE of `rsibr` from 12 views below
-1.3e-3; an anisotropic metal has 0.55 and 4e-2, a car paint that is half retroreflective 0.22 and 3e-2.
+3.2e-3; an anisotropic metal has 0.55 and 4e-2, a car paint that is half retroreflective 0.22 and 3e-2.
 """
 
 _WHAT_TO_DO = (
