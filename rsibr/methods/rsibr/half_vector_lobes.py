@@ -38,6 +38,8 @@ class Fidelity:
     ----------
     resolution : int
         Texels a side of the half-vector pyramid's level 0.
+    points : int
+        Points of the quadrature over wide Gaussians; see `SlopeQuadrature.of`.
     ratio : float
         Greatest ratio of the widths of Gaussians that share a footprint; if it is infinite, all do, with three lookups.
     between_levels : bool
@@ -46,6 +48,7 @@ class Fidelity:
     """
 
     resolution: int
+    points: int
     ratio: float
     between_levels: bool
 
@@ -58,10 +61,10 @@ _STEP, _MOST = 0.12, 4  # angle of normals [rad] that one point of a texel stand
 _FINE_MAP = 200  # texels a side from which one point stands for every texel, those at the rim too
 _FLATTEST = 0.02  # cosine below which their number does not grow further
 
-FAST = Fidelity(resolution=96, ratio=math.inf, between_levels=False)
+FAST = Fidelity(resolution=96, points=160, ratio=math.inf, between_levels=False)
 """For `rsibr`."""
 
-FINE = Fidelity(resolution=192, ratio=1.6, between_levels=True)
+FINE = Fidelity(resolution=192, points=384, ratio=1.6, between_levels=True)
 """For `rsibr-fine`."""
 
 
@@ -120,7 +123,7 @@ class HalfVectorLobes:
             if whole.has_levels
             else mi.Float(0),  # of the whole, so that parts add up
             sharp=NarrowGaussians.of(terms.narrow, parts.narrow, whole.sharp, ratio=fidelity.ratio),
-            wide=WideLight.of(terms.gaussians, parts.gaussians, finest),
+            wide=WideLight.of(terms.gaussians, parts.gaussians, finest, fidelity.points),
             mirror=mirror_of(lobes, pyramid, light, part, density),
             matte=MatteLight.of(parts.matte, light),
             fidelity=fidelity,

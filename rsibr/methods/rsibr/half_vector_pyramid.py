@@ -11,6 +11,7 @@ docs/method.md, section 7, derives the method; equation numbers below are those 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -30,6 +31,7 @@ RESOLUTION = 96
 """Texels a side of level 0, G, by default; a multiple of 16."""
 
 _HALVINGS = 0, 0, 0, 1, 1, 2, 2, 3, 3, 4
+_FIRST = 0.36  # variance of level 0 before lookups [texels²]; less would let its texels miss a part of a small lamp
 _LOOKUP = 1 / 6  # variance of a bilinear lookup (tent filter) in texels²
 _UPSAMPLED = 3 / 16  # the same a quarter of a texel off the centres
 
@@ -40,11 +42,11 @@ def _added(halvings: int) -> float:
 
 
 LADDER = tuple(
-    (halvings, (0.25 + _added(0)) * 2.0**level - _added(halvings)) for level, halvings in enumerate(_HALVINGS)
+    (halvings, (_FIRST + _added(0)) * 2.0**level - _added(halvings)) for level, halvings in enumerate(_HALVINGS)
 )
 """For each level, how often its side is halved, and its variance before lookups [texels² of level 0].
 
-After the collapse each level has twice the variance of the one before it; the first is blurred by ¼ texel².
+After the collapse each level has twice the variance of the one before it; the first is blurred by `_FIRST`.
 """
 
 _TAPS = 5, 6  # of a blur along each axis: at the same resolution, and to half of it
@@ -205,8 +207,9 @@ def _mirrored(frame: mi.Matrix3f, light: EnvironmentPyramid, resolution: int) ->
     h = half_vector(p)
     seen = dr.maximum(h.z, 0)
     direction = frame @ mi.Vector3f(2 * h.z * h.x, 2 * h.z * h.y, 2 * h.z * h.z - 1)
-    # A texel of width δ reflects into an ellipse of 2δ by 2δ h_z. Half the width of the circle of equal area: δ √h_z
-    width = angle_per_length(p) * (2 / resolution) * dr.sqrt(dr.maximum(seen, _LEAST_HEIGHT))
+    # An angle δ between half-vectors is 2δ by 2δ h_z between directions of light: a circle of 2δ √h_z in area
+    blur = 2 * math.sqrt(_FIRST) * (2 / resolution)
+    width = blur * angle_per_length(p) * dr.sqrt(dr.maximum(seen, _LEAST_HEIGHT))
     radiance = light.blurred(direction, width) * seen
     return _stored(mi.Vector4f(radiance.x, radiance.y, radiance.z, seen))
 

@@ -10,7 +10,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-RINGS = 16
+RINGS = 24
 """Rings from the centre to the rim, 5.625° of the normal apart."""
 
 SECTORS = 48

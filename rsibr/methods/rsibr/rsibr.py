@@ -97,7 +97,9 @@ def model_with_residuals(
     prepared = HalfVectorLobes.of(*model, fidelity)
 
     def points() -> RsibrPoints:
-        return residual_method(RsibrPoints, name, options, weights, belief, integral=LobeIntegral.of(*model))
+        integral = LobeIntegral.of(*model)
+        integral.prepare_points()  # made while points are traced, they would split the first kernel
+        return residual_method(RsibrPoints, name, options, weights, belief, integral=integral)
 
     return residual_method(Rsibr, name, options, weights, belief, lobes=prepared, points=points)
 

@@ -24,9 +24,6 @@ from rsibr.methods.rsibr.polar_grid import RINGS
 
 Array = NDArray[np.float64]
 
-POINTS = 160
-"""Points a ring if all Gaussians are bare, or all are coated; otherwise of either kind by the root of its share."""
-
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 _LEAST_COSINE = 2e-3  # of the last ring, whose normals are at right angles to the view
 
@@ -51,7 +48,7 @@ class SlopeQuadrature:
 
     @classmethod
     def of(
-        cls, terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], resolution: int
+        cls, terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], resolution: int, points: int
     ) -> SlopeQuadrature | None:
         """Place the points for the wide ones of `terms`, with the shares of `parts`; None if they have none.
 
@@ -62,18 +59,22 @@ class SlopeQuadrature:
             one.
         resolution : int
             Texels a side of level 0 of the half-vector pyramid.
+        points : int
+            Points a ring if all Gaussians are bare, or all are coated; otherwise either kind has as many times the
+            root of its share.
         """
         members = list(zip(terms, parts, strict=True))
         kinds = [[pair for pair in members if pair[0].is_coated == coated] for coated in (False, True)]
-        shares = [sum((part.share for _, part in kind), start=np.zeros((NODES, 3))) for kind in kinds]
-        energies = np.array([share.sum() for share in shares])
-        if not energies.any():
+        # ---- Points of a kind by its energy in all lobes: those of a part are the same ----
+        energies = np.array([sum(term.share.sum() for term, _ in kind) for kind in kinds])
+        counted = [any(part.share.any() for _, part in kind) for kind in kinds]
+        if not any(counted):
             return None
-        counts = np.ceil(POINTS * np.sqrt(energies / energies.sum())).astype(int)
+        counts = np.ceil(points * np.sqrt(energies / energies.sum())).astype(int)
         found = [
             _points(kind, int(count), resolution)
-            for kind, count, energy in zip(kinds, counts, energies, strict=True)
-            if energy > 0
+            for kind, count, counts_in in zip(kinds, counts, counted, strict=True)
+            if counts_in
         ]
         places, levels, weights = (np.concatenate(column, axis=1) for column in zip(*found, strict=True))
         return cls(places, levels, weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-30))

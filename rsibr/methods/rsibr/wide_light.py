@@ -24,6 +24,9 @@ from rsibr.methods.rsibr.slope_quadrature import SlopeQuadrature
 
 Array = NDArray[np.float64]
 
+POINTS = 160
+"""Points of the quadrature at each ring, by default; see `SlopeQuadrature.of`."""
+
 _STRIDE = 40  # lanes a node
 
 
@@ -48,11 +51,17 @@ class WideLight:
 
     @classmethod
     def of(
-        cls, terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], resolution: int = RESOLUTION
+        cls,
+        terms: Sequence[GaussianTerm],
+        parts: Sequence[GaussianTerm],
+        resolution: int = RESOLUTION,
+        points: int = POINTS,
     ) -> WideLight | None:
         """Put the wide ones of `terms` on the device; None if there are none. Parameters as of `SlopeQuadrature.of`."""
         members = [(term, part) for term, part in zip(terms, parts, strict=True) if term.is_wide]
-        quadrature = SlopeQuadrature.of([term for term, _ in members], [part for _, part in members], resolution)
+        quadrature = SlopeQuadrature.of(
+            [term for term, _ in members], [part for _, part in members], resolution, points
+        )
         if quadrature is None:
             return None
         rings, count = quadrature.levels.shape
