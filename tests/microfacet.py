@@ -56,11 +56,15 @@ def into_coat(w):
     return np.concatenate([lateral, np.sqrt(1 - (lateral**2).sum(-1, keepdims=True))], axis=-1)
 
 
-def coated_ggx(wi, wo, alpha):
-    """The same below a smooth coat: T T f'/η² times the outer cosine."""
+def under_coat(brdf, wi, wo):
+    """A lobe below a smooth coat: T T f'/η² times the outer cosine."""
     inner_i, inner_o = into_coat(wi), into_coat(wo)
-    brdf = ggx(inner_i, inner_o, alpha) / inner_i[..., 2]
-    return brdf * np.maximum(wi[..., 2], 0) / IOR**2 * (1 - schlick(wi[..., 2])) * (1 - schlick(wo[..., 2]))
+    below = brdf(inner_i, inner_o) / inner_i[..., 2]
+    return below * np.maximum(wi[..., 2], 0) / IOR**2 * (1 - schlick(wi[..., 2])) * (1 - schlick(wo[..., 2]))
+
+
+def coated_ggx(wi, wo, alpha):
+    return under_coat(lambda inner_i, inner_o: ggx(inner_i, inner_o, alpha), wi, wo)
 
 
 def hemisphere(rows, columns):
