@@ -20,7 +20,7 @@ def errors(shape, brdf):
     return angle_errors(values, shape_values(shape, HELD_OUT), HELD_OUT)
 
 
-def lambert(wi, wo):  # noqa: ARG001
+def lambert(wi, wo):
     return np.maximum(wi[:, 2], 0) / np.pi
 
 

@@ -24,7 +24,9 @@ def lobe(shape, alpha=0.1, coefficients=((0.5, 0.5, 0.5), (0.1, 0.1, 0.1), (0.0,
 def everything():
     """A shape with terms of all kinds."""
     bare = Gaussians(
-        np.array([0.01, 0.2]), np.array([[0.1, 0.2, 1 / 3], [0.0, 0.4, 0.5]]), np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]])
+        np.array([0.01, 0.2]),
+        np.array([[0.1, 0.2, 1 / 3], [0.0, 0.4, 0.5]]),
+        np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]]),
     )
     coated = Gaussians(np.array([0.3]), np.array([[0.7, 0.8, 0.9]]), np.zeros((1, 3)))
     return LobeShape(0.123456789, bare, coated, np.array([[0.1, 0.2, 0.3], [0.0, 0.0, 1e-7]]))

@@ -85,8 +85,7 @@ def check(room, scene, material, method):
 @each_method
 @each_material
 def test_a_lamp_smaller_than_a_texel(room, material, method):
-    """In the light map, on its seam, and in the maps. Bounds hold at the near end of the interval of 95 %.
-    """
+    """In the light map, on its seam, and in the maps. Bounds hold at the near end of the interval of 95 %."""
     check(room, SMALL, material, method)
 
 
@@ -94,8 +93,7 @@ def test_a_lamp_smaller_than_a_texel(room, material, method):
 @each_method
 @each_material
 def test_a_lamp_seen_at_grazing_angles_only(room, material, method):
-    """By the new view and by the stored view beside it; the highlight lies in the outermost texels.
-    """
+    """By the new view and by the stored view beside it; the highlight lies in the outermost texels."""
     check(room, GRAZING, material, method)
 
 
@@ -103,8 +101,7 @@ def test_a_lamp_seen_at_grazing_angles_only(room, material, method):
 @each_method
 @each_material
 def test_a_highlight_behind_the_horizon_of_stored_views(room, material, method):
-    """Of one and of two of the three: they do not see the part of the surface that shines.
-    """
+    """Of one and of two of the three: they do not see the part of the surface that shines."""
     check(room, HORIZON, material, method)
 
 
@@ -112,8 +109,7 @@ def test_a_highlight_behind_the_horizon_of_stored_views(room, material, method):
 @each_method
 @each_material
 def test_a_view_on_an_edge(room, material, method):
-    """Midway between two stored views; the third sees the lamp at its rim, or the lamp lies in the edge's plane.
-    """
+    """Midway between two stored views; the third sees the lamp at its rim, or the lamp lies in the edge's plane."""
     check(room, EDGE, material, method)
 
 

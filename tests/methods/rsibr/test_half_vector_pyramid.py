@@ -98,7 +98,9 @@ def test_the_collapsed_levels_are_root_two_apart_in_width():
 def over(side, values):
     """A pyramid over the texels of a map, (M, 2) of texels from the centre → (M, 3)."""
     p = to_numpy(half_vector_texels(side, border=1)).T * side / 2
-    return HalfVectorPyramid._over(mi.Float(np.hstack([values(p), np.ones((len(p), 1))]).astype(np.float32).ravel()), side)
+    return HalfVectorPyramid._over(
+        mi.Float(np.hstack([values(p), np.ones((len(p), 1))]).astype(np.float32).ravel()), side
+    )
 
 
 def near_centre(rng, count, reach):
@@ -147,7 +149,9 @@ def test_the_variance_of_a_lookup_in_a_level_is_that_of_its_point_response(level
 def test_the_point_response_of_a_level_is_nearly_a_gaussian(level):
     """An impulse in one texel, against a Gaussian of its variance: half the L1 distance, at the texels."""
     side = 192
-    collapsed = over(side, lambda p: np.isclose(p, 0.5, atol=1e-3).all(axis=1)[:, None] * np.ones((1, 3))).collapsed(one_hot(level))
+    collapsed = over(side, lambda p: np.isclose(p, 0.5, atol=1e-3).all(axis=1)[:, None] * np.ones((1, 3))).collapsed(
+        one_hot(level)
+    )
     found = to_numpy(collapsed)[0]
     p = to_numpy(half_vector_texels(side, border=1)).T * side / 2
     variance = level_variances()[level] - FIRST - 1 / 6  # of neither the light's blur nor the last lookup

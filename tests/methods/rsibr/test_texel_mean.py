@@ -74,4 +74,4 @@ def test_points_may_differ_from_texel_to_texel():
     n = vector(normals(radii))
     together = to_numpy(radial_mean(n, mi.Float(STEP), mi.UInt32(points), along_radius))
     apart = [mean([r], int(k))[:, 0] for r, k in zip(radii, points, strict=True)]
-    assert together.T == pytest.approx(np.array(apart), rel=1e-6)
+    assert pytest.approx(np.array(apart), rel=1e-6) == together.T

@@ -54,7 +54,14 @@ def exact(brdf, nodes):
 
 @pytest.mark.parametrize(
     ("sigma", "is_coated", "bound"),
-    [(0.16, False, 0.018), (0.3, False, 0.02), (0.6, False, 0.035), (0.16, True, 0.018), (0.3, True, 0.02), (0.6, True, 0.07)],
+    [
+        (0.16, False, 0.018),
+        (0.3, False, 0.02),
+        (0.6, False, 0.035),
+        (0.16, True, 0.018),
+        (0.3, True, 0.02),
+        (0.6, True, 0.07),
+    ],
 )
 def test_mean_light_is_that_of_brute_force(sigma, is_coated, bound, light):
     """One Gaussian with the masking of α = 0.25; at 86° only some of its facets are seen."""
