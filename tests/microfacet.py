@@ -31,16 +31,40 @@ def ggx(wi, wo, alpha):
     return np.where(wi[..., 2] > 0, distribution * shadowing(cos_i, cos_o, alpha) / (4 * cos_o), 0)
 
 
+def dielectric(wi, wo, alpha):
+    """GGX with Schlick's Fresnel term of a reflectance of 0.04."""
+    toward = (unit(wi + wo) * wo).sum(axis=-1)
+    return ggx(wi, wo, alpha) * (0.04 + 0.96 * schlick(toward))
+
+
+def slope_lobe(wi, wo, density, alpha):
+    """BRDF times cosine, F = 1, of a density of slopes, |slope|² → (n,), with the masking of roughness `alpha`."""
+    h = unit(wi + wo)
+    cos_h = np.maximum(h[..., 2], 1e-9)
+    distribution = density((1 - cos_h**2) / cos_h**2) / cos_h**4
+    return distribution * shadowing(wi[..., 2], wo[..., 2], alpha) / (4 * wo[..., 2])
+
+
+def beckmann(wi, wo, alpha, masking=None):
+    """Beckmann's lobe, by default with GGX' masking of the same roughness."""
+    density = lambda squared: np.exp(-squared / alpha**2) / (np.pi * alpha**2)  # noqa: E731
+    return slope_lobe(wi, wo, density, alpha if masking is None else masking)
+
+
 def into_coat(w):
     lateral = w[..., :2] / IOR
     return np.concatenate([lateral, np.sqrt(1 - (lateral**2).sum(-1, keepdims=True))], axis=-1)
 
 
-def coated_ggx(wi, wo, alpha):
-    """The same below a smooth coat: T T f'/η² times the outer cosine."""
+def under_coat(brdf, wi, wo):
+    """A lobe below a smooth coat: T T f'/η² times the outer cosine."""
     inner_i, inner_o = into_coat(wi), into_coat(wo)
-    brdf = ggx(inner_i, inner_o, alpha) / inner_i[..., 2]
-    return brdf * np.maximum(wi[..., 2], 0) / IOR**2 * (1 - schlick(wi[..., 2])) * (1 - schlick(wo[..., 2]))
+    below = brdf(inner_i, inner_o) / inner_i[..., 2]
+    return below * np.maximum(wi[..., 2], 0) / IOR**2 * (1 - schlick(wi[..., 2])) * (1 - schlick(wo[..., 2]))
+
+
+def coated_ggx(wi, wo, alpha):
+    return under_coat(lambda inner_i, inner_o: ggx(inner_i, inner_o, alpha), wi, wo)
 
 
 def hemisphere(rows, columns):

@@ -7,6 +7,7 @@ slopes is narrower, and its mean leans toward the viewer: the off-specular peak 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,7 @@ def cosines() -> Array:
     return np.maximum(np.linspace(0, 1, NODES) ** 2, _GRAZING_NODE)
 
 
+@lru_cache(maxsize=32)  # methods of one bake ask for the same shapes
 def facet_moments(shape: LobeShape) -> list[FacetMoments]:
     """Moments of each Gaussian of a lobe.
 

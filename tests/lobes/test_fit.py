@@ -7,7 +7,6 @@ import pytest
 from rsibr.lobes import fit
 from rsibr.lobes.basis import LAMBERT
 from rsibr.lobes.fit import ALL_BUT_MATTE, LEAST_SHARE, MOST_GLOSSY, fit_lobes
-from rsibr.lobes.gaussians import LobeShape
 from rsibr.scene.config import MaterialConfig
 from rsibr.scene.material import load_material
 
@@ -114,7 +113,6 @@ def test_what_mends_a_matte_base_is_no_lobe_of_its_own():
     assert lobe.is_matte
     assert lobe.alpha == LAMBERT
     assert all(alpha >= ALL_BUT_MATTE[0] for alpha in lobe.alphas[1:])
-    assert LobeShape.of(lobe).is_matte
 
 
 def test_a_trace_of_a_lobe_does_not_get_a_layer():

@@ -13,6 +13,8 @@ from rsibr.lobes.albedo import NODES, node_cosines
 from rsibr.lobes.basis import LAMBERT, ggx
 from rsibr.lobes.bsdf_eval import interaction, reflected
 from rsibr.lobes.fit import fit_lobes
+from rsibr.lobes.probe_directions import probe_directions
+from rsibr.lobes.shape_fit import angle_errors, shape_values
 from rsibr.lobes.split import MIRROR, LobeSplit
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
@@ -118,6 +120,25 @@ def test_lobe_maps_add_up_to_the_plain_bake(name, asymmetric_environment):
     assert list(apart.layers) == split.lobe_names
     assert np.abs(apart.radiance - plain.layers["radiance"]).max() < 1e-5 * plain.layers["radiance"].max()
     assert np.abs(apart.variance - plain.variance).max() < 1e-4 * plain.variance.max()
+
+
+@pytest.mark.parametrize("name", ["clearcoat-red", "rough-aluminium"])
+def test_every_lobe_has_its_own_shape(name):
+    """Fitted to f·ω_k: at the probe directions each shape is its part of the BRDF, and together they are the BRDF."""
+    bsdf, probes = preset(name), probe_directions()
+    split = LobeSplit.of(bsdf)
+    parts = [to_numpy(part).T for part in split.parts(vector(probes.wi), vector(probes.wo))]
+    shapes = [shape_values(lobe.shape, probes) for lobe in split.lobes]
+    for part, shape in zip(parts, shapes, strict=True):
+        assert angle_errors(part, shape, probes).mean() < 0.1
+    whole = angle_errors(reflected(bsdf, probes.wi, probes.wo), sum(shapes), probes)
+    assert whole[:-1].max() < 0.05
+
+
+def test_a_delta_lobe_has_the_shape_of_a_mirror():
+    matte, mirror = LobeSplit.of(mi.load_dict({"type": "plastic", "diffuse_reflectance": 0.5})).lobes
+    assert matte.shape.has_matte
+    assert mirror.shape.is_mirror
 
 
 def test_another_paint_of_the_same_build_compiles_nothing_anew(asymmetric_environment):

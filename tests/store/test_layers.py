@@ -163,12 +163,16 @@ def test_the_method_reads_the_sum_and_sees_no_difference(methods):
 
 
 @pytest.mark.parametrize(("kind", "which"), [("rsibr", (0, 1, 2)), ("rsibr-fine", (0,))])
-def test_a_lobe_with_twelve_views_is_that_of_a_bake_of_twelve(methods, lobes, kind, which):
-    """Bit for bit: nested views have the same directions, and equal views the same samples."""
+def test_a_lobe_with_twelve_views_is_that_of_a_bake_of_twelve(bakes, methods, lobes, kind, which):
+    """Bit for bit: nested views have the same directions, and equal views the same samples.
+
+    What is believed of the model is learnt from the views of a bake: here it is that of the other one.
+    """
     for k in which:
-        alike = methods["on" if k == 1 else "12"]
-        found, expected = (image(made.variant(kind, lobe=lobes[k])) for made in (methods["auto"], alike))
-        assert np.array_equal(found, expected)
+        alike, planned = methods["on" if k == 1 else "12"], MethodSet(bakes["auto"])
+        expected = image(alike.variant(kind, lobe=lobes[k]))
+        planned.inputs.learnt.update(alike.inputs.learnt)
+        assert np.array_equal(image(planned.variant(kind, lobe=lobes[k])), expected)
 
 
 def test_lobes_warped_apart_are_each_warped_from_their_own_views(methods):

@@ -80,7 +80,8 @@ class LobeIntegral:
         density : float
             Sampling density of a delta lobe: `EXACT` or `ROUGH`, see `DeltaLobe.of`.
         """
-        terms, parts = LobeTerms.of(lobes), LobeTerms.of(lobes, part)
+        terms = LobeTerms.of(lobes)
+        parts = terms if part is None else LobeTerms.of(lobes, part)
         return cls(
             environment=pyramid,
             narrow=NarrowGaussians.of(terms.narrow, parts.narrow, ratio=_RATIO),

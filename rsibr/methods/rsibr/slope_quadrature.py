@@ -65,15 +65,16 @@ class SlopeQuadrature:
         """
         members = list(zip(terms, parts, strict=True))
         kinds = [[pair for pair in members if pair[0].is_coated == coated] for coated in (False, True)]
-        shares = [sum((part.share for _, part in kind), start=np.zeros((NODES, 3))) for kind in kinds]
-        energies = np.array([share.sum() for share in shares])
-        if not energies.any():
+        # ---- Points of a kind by its energy in all lobes: those of a part are the same ----
+        energies = np.array([sum(term.share.sum() for term, _ in kind) for kind in kinds])
+        counted = [any(part.share.any() for _, part in kind) for kind in kinds]
+        if not any(counted):
             return None
         counts = np.ceil(points * np.sqrt(energies / energies.sum())).astype(int)
         found = [
             _points(kind, int(count), resolution)
-            for kind, count, energy in zip(kinds, counts, energies, strict=True)
-            if energy > 0
+            for kind, count, counts_in in zip(kinds, counts, counted, strict=True)
+            if counts_in
         ]
         places, levels, weights = (np.concatenate(column, axis=1) for column in zip(*found, strict=True))
         return cls(places, levels, weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-30))

@@ -5,6 +5,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from rsibr.geometry.frame import view_frame
 from rsibr.methods.rsibr.anisotropic_footprint import AnisotropicFootprint, ShadingFrame, tap_spreads
 from tests.arrays import to_numpy, unit_vectors, vector
 from tests.microfacet import viewer
@@ -68,21 +69,57 @@ def test_a_point_sees_a_mirror_sharp():
 
 
 @pytest.mark.parametrize("cosine", COSINES)
-def test_two_places_have_the_variance_in_the_plane(cosine):
-    """Gauss and Hermite's rule; the blur of a lookup bridges them, and so adds to it, and widens a long streak."""
+def test_three_taps_have_the_variance_in_the_plane(cosine):
+    """Gauss and Hermite's rule; a long streak is bridged by the blur of its lookups, which adds a quarter to it."""
     surface, squared = squared_angles(cosine)
     streak = AnisotropicFootprint.of(surface, mi.Float(0.02), mi.Float(0))
-    along, across = np.sqrt(to_numpy(streak.two_taps(squared))[:2, 0])
-    assert 0.04 * 0.97 < along < 0.04 * 1.04
-    assert across == pytest.approx(max(0.04 * cosine, 0.5 * to_numpy(streak.along)[0]), rel=0.03)
+    sigma_along = to_numpy(streak.along)[0]
+    blur = max(2 * 0.02 * cosine, 0.5 * sigma_along)
+    along, across = np.sqrt(to_numpy(streak.three_taps(squared))[:2, 0])
+    assert along == pytest.approx(np.hypot(2 * sigma_along, blur), rel=0.02)
+    assert 0.04 * 0.995 < along < 0.04 * 1.04
+    assert across == pytest.approx(blur, rel=0.03)
 
 
-def test_two_places_of_a_mirror_are_one():
+def test_three_taps_of_an_even_light_are_that_light():
+    surface, _ = squared_angles(0.12)
+    streak = AnisotropicFootprint.of(surface, mi.Float(0.1), mi.Float(0))
+    assert to_numpy(streak.three_taps(lambda _d, _width: mi.Color3f(2.5)))[:, 0] == pytest.approx([2.5] * 3, rel=1e-6)
+
+
+def test_three_taps_are_weighed_by_the_projected_area_of_their_facets():
+    """Places ±√3 σ with a sixth each, and twice that in the middle, times h·v; by hand in float64."""
+    cosine, sigma = 0.5, 0.1
+    surface, _ = squared_angles(cosine)
+    streak = AnisotropicFootprint.of(surface, mi.Float(sigma), mi.Float(0))
+    slopes = np.array([-1, 0, 1]) * np.sqrt(3) * to_numpy(streak.along)[0]
+    h = np.stack([slopes, 0 * slopes, np.ones(3)], axis=1) / np.sqrt(1 + slopes**2)[:, None]
+    v = viewer(cosine)
+    weight = (h @ v) * [1 / 6, 2 / 3, 1 / 6]
+    heights = (2 * (h @ v)[:, None] * h - v)[:, 2]
+    found = to_numpy(streak.three_taps(lambda d, _width: mi.Color3f(d.z)))[0, 0]
+    assert found == pytest.approx(weight @ heights / weight.sum(), rel=1e-5)
+
+
+def test_three_taps_of_a_mirror_are_one():
     surface, _ = squared_angles(0.5)
-    mirrored = AnisotropicFootprint.of(surface, mi.Float(0), mi.Float(0)).two_taps(
+    mirrored = AnisotropicFootprint.of(surface, mi.Float(0), mi.Float(0)).three_taps(
         lambda d, width: mi.Color3f(d.x, d.z, width)
     )
     assert to_numpy(mirrored)[:, 0] == pytest.approx([-np.sqrt(0.75), 0.5, 0], abs=1e-6)
+
+
+@pytest.mark.parametrize("cosine", [0.995, 0.6, 0.2])
+def test_the_frame_in_a_map_is_that_of_the_surface(cosine):
+    """`in_map` takes its tangents from the map; `of` from the vectors themselves."""
+    frame = view_frame([0.3, -0.5, 0.8])
+    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    sine = np.sqrt(1 - cosine**2)
+    local = np.stack([sine * np.cos(turn), sine * np.sin(turn), np.full(12, cosine)], axis=1)
+    in_map = ShadingFrame.in_map(vector(local), mi.Matrix3f(frame.astype(np.float32)))
+    of = ShadingFrame.of(vector(local @ frame.T), vector(np.tile(frame[:, 2], (12, 1))))
+    for name in ("n", "x", "y", "v"):
+        assert np.abs(to_numpy(getattr(in_map, name)) - to_numpy(getattr(of, name))).max() < 2e-6, name
 
 
 def test_a_slant_is_an_orthonormal_frame_with_the_viewer_in_its_plane(rng):

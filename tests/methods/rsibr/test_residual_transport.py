@@ -13,24 +13,20 @@ from rsibr.geometry.viewpoints import icosphere
 from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.lobes.albedo import node_cosines
-from rsibr.lobes.fit import ProxyLobe
-from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.lobe_albedo import LobeAlbedo
-from rsibr.methods.rsibr.half_vector_lobes import HalfVectorLobes
-from rsibr.methods.rsibr.lobe_integral import LobeIntegral
-from rsibr.methods.rsibr.residual_transport import clamped, warped_residual
+from rsibr.methods.rsibr.half_vector_lobes import FAST, FINE, HalfVectorLobes
+from rsibr.methods.rsibr.residual_transport import DARKEST, clamped, trusted, warped_residual
 from rsibr.methods.rsibr.rsibr import Rsibr
-from rsibr.methods.rsibr.rsibr_fine import RsibrFine
 from rsibr.methods.warp_blend.blend import Mixture, triangle_mix
 from rsibr.methods.warp_blend.source_maps import SourceMaps
 from rsibr.methods.warp_blend.warp import MirrorWarp
 from tests.arrays import to_numpy, unit_vectors, vector
 from tests.light.test_environment_pyramid import picture
+from tests.lobe_shapes import ggx
 from tests.methods.scene import image, inside, mirror_sphere, sky
 
 N = 48
 ALBEDO = (0.1 + 0.5 * node_cosines())[:, None] * np.ones(3)
-METAL = LobeShape.of(ProxyLobe((0.1,), (np.ones((1, 3)),)))
 
 
 def maps(images, frames):
@@ -45,16 +41,13 @@ def modelled(kind, light):
     stored = [mirror_sphere(frame, N) for frame in frames]
     stack = EnvironmentPyramid.of(light)
     common = ("test", views, maps(stored, frames), triangle_mix(gnomonic_weights), MirrorWarp.between)
-    if kind == "fine":
-        model = LobeIntegral.of(METAL, stack, Light(light))
-        made = RsibrFine(*common, albedo=LobeAlbedo.of(ALBEDO), lobes=[(model, LobeAlbedo.of(ALBEDO))])
-    else:
-        made = Rsibr(
-            *common,
-            albedo=LobeAlbedo.of(ALBEDO),
-            prefilter=lambda resolution: HalfVectorLobes.of([(METAL, ALBEDO)], stack, Light(light), resolution),
-            points=lambda: pytest.fail("a map needs no single points"),
-        )
+    fidelity = {"rsibr": FAST, "rsibr-fine": FINE}[kind]
+    made = Rsibr(
+        *common,
+        albedo=LobeAlbedo.of(ALBEDO),
+        lobes=HalfVectorLobes.of([(ggx(0.1), ALBEDO)], stack, Light(light), fidelity=fidelity),
+        points=lambda: pytest.fail("a map needs no single points"),
+    )
     made.sources = maps([made.residual_of(m, f) for m, f in zip(stored, frames, strict=True)], frames)
     return made
 
@@ -66,7 +59,7 @@ LIGHTS = {
 }
 
 
-@pytest.mark.parametrize("kind", ["fine", "prefiltered"])
+@pytest.mark.parametrize("kind", ["rsibr", "rsibr-fine"])
 @pytest.mark.parametrize("name", LIGHTS)
 def test_stored_views_come_back_whatever_the_model_is(kind, name):
     """To the packing of texels (7.6e-6 of the residual's greatest channel), at every texel centre inside the disk."""
@@ -77,7 +70,7 @@ def test_stored_views_come_back_whatever_the_model_is(kind, name):
         assert error.max() < 1e-4  # of radiances up to 3, and residuals as large over an albedo of 0.1 to 0.6
 
 
-@pytest.mark.parametrize("kind", ["fine", "prefiltered"])
+@pytest.mark.parametrize("kind", ["rsibr", "rsibr-fine"])
 @pytest.mark.parametrize("name", ["true", "wrong"])
 def test_between_views_maps_mend_what_the_model_gets_wrong(kind, name):
     """Here most of it: a metal of a third of the albedo, and rough, for a mirror."""
@@ -90,7 +83,7 @@ def test_between_views_maps_mend_what_the_model_gets_wrong(kind, name):
     assert with_maps < 0.3 * alone
 
 
-@pytest.mark.parametrize("kind", ["fine", "prefiltered"])
+@pytest.mark.parametrize("kind", ["rsibr", "rsibr-fine"])
 def test_finite_at_antipodes_rim_and_beside_stored_views(kind, rng):
     made = modelled(kind, LIGHTS["wrong"]())
     stored = made.viewpoints.directions[2]
@@ -122,12 +115,12 @@ def fixed(cosine):
     return SimpleNamespace(normal=lambda n: vector([[np.sqrt(1 - cosine**2), 0, cosine]]) + 0 * n)
 
 
-def carry(values, weights, theres, here):
+def carry(values, weights, theres, here, damped=True):
     sources = even(values)
     views = [sources.view(mi.UInt32(i)) for i in range(len(values))]
     mixture = Mixture(views, [mi.Float(w) for w in weights])
     n = vector([[np.sqrt(1 - here**2), 0, here]])
-    return to_numpy(warped_residual(sources, mixture, [fixed(there) for there in theres], n))[0, 0]
+    return to_numpy(warped_residual(sources, mixture, [fixed(there) for there in theres], n, damped))[0, 0]
 
 
 def test_views_that_see_the_surface_alike_are_blended_by_weight():
@@ -155,12 +148,33 @@ def test_at_the_rim_it_is_finite_and_small():
 
 def test_residuals_outshine_a_dark_model_the_less_the_farther_the_stored_views_are():
     """Of 1 over a model of 0.1: 0.15 is left at a centroid, 0.2 at a weight of a half, and all at a stored view."""
-    residual, dark = mi.Color3f(1, 0.05, -2), mi.Color3f(0.1)
-    expected = {1 / 3: [0.15, 0.05, -2], 0.5: [0.2, 0.05, -2], 1.0: [1, 0.05, -2]}
-    for weight, wanted in expected.items():
-        weights = [mi.Float(weight), mi.Float((1 - weight) / 2), mi.Float((1 - weight) / 2)]
-        got = to_numpy(clamped(residual, dark, Mixture(views=[], weights=weights)))
-        assert got.ravel() == pytest.approx(wanted, rel=1e-5), weight
+    residual, dark = mi.Color3f(1, 0.05, -0.05), mi.Color3f(0.1)
+    for weight, brightest in {1 / 3: 0.15, 0.5: 0.2, 1.0: 1.0}.items():
+        got = to_numpy(clamped(residual, dark, mixed(weight)))
+        assert got.ravel() == pytest.approx([brightest, 0.05, -0.05], rel=1e-5), weight
+
+
+def mixed(weight):
+    """A mixture of three views, one of which has the given weight."""
+    return Mixture(views=[], weights=[mi.Float(weight), mi.Float((1 - weight) / 2), mi.Float((1 - weight) / 2)])
+
+
+def test_residuals_leave_a_part_of_the_model_the_more_the_farther_the_stored_views_are():
+    """At least DARKEST (1 − w) of the prediction is left; at a stored view nothing is clamped."""
+    for weight in (1 / 3, 0.5, 0.9, 1.0):
+        left = 1 + to_numpy(clamped(mi.Color3f(-2), mi.Color3f(1.0), mixed(weight)))[0, 0]
+        assert left == pytest.approx(DARKEST * (1 - weight) if weight < 1 else -1, rel=1e-4), weight
+
+
+def test_trust_counts_from_a_quarter_of_the_way_on():
+    """All of a residual at a stored view; the trust from 1 − w = 1/4 on; linear between."""
+    for weight, factor in {1.0: 1.0, 0.875: 0.65, 0.75: 0.3, 0.4: 0.3}.items():
+        assert to_numpy(trusted(mi.Float(0.3), mixed(weight)))[0] == pytest.approx(factor, rel=1e-5), weight
+
+
+def test_undamped_residuals_count_whatever_their_overlap():
+    assert carry([2.0], [1.0], [0.9], 0.3, damped=False) == pytest.approx(2.0, rel=2e-4)
+    assert carry([2.0, 3.0], [0.5, 0.5], [0.8, 0.4], 0.6, damped=False) == pytest.approx(2.2, rel=5e-4)
 
 
 def test_at_the_rim_of_a_stored_view_its_cosine_is_that_of_the_normal(rng):
