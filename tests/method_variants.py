@@ -8,6 +8,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,12 +22,16 @@ from numpy.typing import NDArray
 import rsibr
 from rsibr import backend
 from rsibr.geometry.frame import view_frame
+from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
+from rsibr.methods.rsibr.half_vector_lobes import FAST
 from rsibr.methods.rsibr.residual_transport import warped_residual
 from rsibr.scene.config import parse_config
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
+from rsibr.store.lobe_shape import shape_of
+from rsibr.store.manifest import LobeRecord
 from rsibr.validation.flip import exposures_for
 from rsibr.validation.metrics import compare
 from rsibr.validation.reference import ReferenceRenderer
@@ -35,10 +40,20 @@ from rsibr.validation.validation import novel_views
 Array = NDArray[np.float64]
 
 RESOLUTION, SAMPLES, TRUTH_SAMPLES, VIEWS = 48, 128, 512, 4
-SCENES = ("solid-red", "city"), ("rough-aluminium", "city"), ("metallic-blue", "courtyard"), ("clearcoat-red", "studio")
+SCENES = (
+    ("solid-red", "city"),
+    ("rough-aluminium", "city"),
+    ("metallic-blue", "courtyard"),
+    ("clearcoat-red", "studio"),
+    ("glossy-plastic", "studio"),
+)
 SKIES = Path(__file__).parent.parent / "scenes" / "environments"
 
-_MODULES = "rsibr.methods.rsibr"
+_MODULES = "rsibr.methods"
+
+
+def _of_proxy(record: LobeRecord) -> LobeShape:
+    return shape_of(record.model_copy(update={"shape": None}))
 
 
 def _no_balance(_weights: Any, resolution: int) -> mi.Float:
@@ -75,13 +90,16 @@ VARIANTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "`cabral1999`": ("cabral1999", {}, {}),
     "**`rsibr`**": ("rsibr", {}, {}),
     "$P$ alone, no residuals": ("rsibr", {}, {"uses_maps": False}),
-    "$\\beta = 1$ (no balance)": ("rsibr", {"half_vector_lobes.balance": _no_balance}, {}),
-    "$\\phi_\\ell = 1$ (no lean)": ("rsibr", {"lobe_weights._radius_factors": _upright}, {}),
-    "two levels mixed, not three": ("rsibr", {"lobe_weights._mixture": _two_levels}, {}),
-    "one point a texel at the rim": ("rsibr", {"half_vector_lobes._FINE_MAP": 1}, {}),
-    "$\\rho_i = 1$": ("rsibr", {"residual_method.warped_residual": _undamped}, {}),
-    "$\\gamma = 1$ (full trust)": ("rsibr", {"residual_method.trusted": _in_full}, {}),
-    "no clamp": ("rsibr", {"residual_method.clamped": _as_it_is}, {}),
+    "shapes of the proxies, not of the lobes": ("rsibr", {"inputs.shape_of": _of_proxy}, {}),
+    "$\\beta = 1$ (no balance)": ("rsibr", {"rsibr.half_vector_lobes.balance": _no_balance}, {}),
+    "$\\phi_\\ell = 1$ (no lean)": ("rsibr", {"rsibr.lobe_weights._radius_factors": _upright}, {}),
+    "two levels mixed, not three": ("rsibr", {"rsibr.lobe_weights._mixture": _two_levels}, {}),
+    "$G = 192$": ("rsibr", {"rsibr.rsibr.FAST": replace(FAST, resolution=192)}, {}),
+    "384 points of the quadrature": ("rsibr", {"rsibr.rsibr.FAST": replace(FAST, points=384)}, {}),
+    "one point a texel at the rim": ("rsibr", {"rsibr.half_vector_lobes._FINE_MAP": 1}, {}),
+    "$\\rho_i = 1$": ("rsibr", {"rsibr.residual_method.warped_residual": _undamped}, {}),
+    "$\\gamma = 1$ (full trust)": ("rsibr", {"rsibr.residual_method.trusted": _in_full}, {}),
+    "no clamp": ("rsibr", {"rsibr.residual_method.clamped": _as_it_is}, {}),
     "**`rsibr-fine`**": ("rsibr-fine", {}, {}),
     "$P$ alone": ("rsibr-fine", {}, {"uses_maps": False}),
 }
