@@ -13,6 +13,7 @@ from rsibr.baking.calibration import map_overhead, sample_seconds
 from rsibr.baking.scene import Scene
 from rsibr.budget.probe import ProbedScene
 from rsibr.errors import InputError
+from rsibr.planning.fit import unfitted_advice
 from rsibr.scene.config import Config, MapConfig, SamplingConfig, ViewsConfig
 from rsibr.store.manifest import BudgetRecord, ProbeRecord
 
@@ -122,7 +123,7 @@ def _size_for_error(scene: ProbedScene, error: float) -> tuple[Size, ProbeRecord
     best = min(probes, key=lambda probe: probe.upper)
     raise InputError(
         f"an error of {error:g} cannot be promised: the smallest possible is {best.upper / BIAS_SHARE:.3g}, "
-        f"with {best.views} maps of {best.resolution}²",
+        f"with {best.views} maps of {best.resolution}²{unfitted_advice(scene.plan)}",
         where="budget.error",
         fix="allow for more error, or leave map.resolution, views and sampling.samples open",
     )

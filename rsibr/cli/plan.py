@@ -10,7 +10,7 @@ import typer
 from rsibr.cli.options import Config, Imports, Json, imported
 
 if TYPE_CHECKING:
-    from rsibr.planning.plan import Effect, Plan
+    from rsibr.planning.plan import Effect, LobePlan, Plan
 
 
 def plan(
@@ -70,11 +70,19 @@ def _row(effect: Effect) -> Iterator[str]:
     yield f"{effect.why} [{effect.unit}]"
 
 
+def _fit(lobe: LobePlan) -> str:
+    """Clause on the error of a lobe's fit at the worst angle."""
+    if not lobe.fit_errors:
+        return ""
+    worst, angle = max(zip(lobe.fit_errors, lobe.fit_angles, strict=True))
+    return f"; its fit errs by {100 * worst:.1f} % at most, at {angle:.0f}°"
+
+
 def _lines(made: Plan) -> Iterator[str]:
     for lobe in made.lobes:
         needs = f"maps from {lobe.views_needed} views" if lobe.maps_needed else "no maps"
         apart = "" if lobe.own_views is None else f", stored separately in the first {lobe.own_views} views"
-        yield f"{lobe.name}: {needs}{apart}: {lobe.why}"
+        yield f"{lobe.name}: {needs}{apart}: {lobe.why}{_fit(lobe)}"
     channels, samples = ("one channel" if made.grey else "RGB"), ("light and BSDF" if made.light_samples else "BSDF")
     channels += {"rgb": "", "spectral": " of spectra", "spectral_polarized": " of polarised spectra"}[made.rendering]
     total = (

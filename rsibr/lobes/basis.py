@@ -1,7 +1,7 @@
 """Basis functions of proxy lobes: Lambert and GGX, bare and under a coat.
 
-A proxy h = Σ h_j only sets the shares f·h_k/Σ h_j of the lobes in the true BRDF f, which add up to f whatever h is. A
-close fit matters to `rsibr.methods.rsibr.lobe_integral`, which predicts radiance from the proxies.
+A proxy h = Σ h_j only sets the shares f·h_k/Σ h_j of the lobes in the true BRDF f, which add up to f whatever h is.
+Predictions are made from the lobe's own shape (`rsibr.lobes.shape_fit`), those of delta lights from the proxies.
 """
 
 from __future__ import annotations

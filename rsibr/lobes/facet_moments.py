@@ -1,12 +1,13 @@
 """Energy, mean and standard deviation of the visible microfacet lobe, by view angle.
 
 At an oblique angle some microfacets are masked, and some reflect below the horizon. The visible part of a Gaussian over
-slopes is narrower, and its mean leans toward the viewer: the off-specular peak of the lobe.
+slopes is narrower, and its mean leans toward the viewer: the off-specular peak of the lobe. See docs/method.md, eq. 26.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,7 @@ def cosines() -> Array:
     return np.maximum(np.linspace(0, 1, NODES) ** 2, _GRAZING_NODE)
 
 
+@lru_cache(maxsize=32)  # methods of one bake ask for the same shapes
 def facet_moments(shape: LobeShape) -> list[FacetMoments]:
     """Moments of each Gaussian of a lobe.
 

@@ -1,7 +1,8 @@
 """Direct fit of a lobe by Gaussians over microfacet slopes: the lobe's own shape.
 
 The terms of the fit are those of `rsibr.lobes.basis` with a Gaussian in place of the GGX distribution, and one masking
-for all. Whatever the lobe is, GGX, Beckmann, measured or a sum of several, it is fitted as it is.
+for all. Whatever the lobe is, GGX, Beckmann, measured or a sum of several, it is fitted as it is. See docs/method.md,
+section 4.2.
 """
 
 from __future__ import annotations
@@ -94,7 +95,8 @@ def angle_errors(values: Array, fitted: Array, probes: ProbeDirections) -> Array
     -------
     ndarray, shape (angles,)
         Over the view angles of `probes`, in their order. Half of it is the share of the reflected light that is
-        gathered from wrong directions, and so a bound, where the light is even, of what the model errs by.
+        gathered from wrong directions: times the range of the light it bounds what the model errs by (docs/method.md,
+        eq. 11).
     """
     errors = []
     for view in probes.views:

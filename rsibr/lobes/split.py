@@ -25,7 +25,7 @@ from rsibr.lobes.basis import LAMBERT, lobe_values
 from rsibr.lobes.components import component_shares
 from rsibr.lobes.fit import ProxyLobe, fit_lobes
 from rsibr.lobes.gaussians import LobeShape
-from rsibr.lobes.probe_directions import probe_directions
+from rsibr.lobes.probe_directions import ProbeDirections, probe_directions
 from rsibr.lobes.shape_fit import fit_shape
 from rsibr.scene.wavelengths import Wavelengths
 
@@ -128,11 +128,9 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
 
     def _shapes(self) -> list[LobeShape]:
         """Shape of each lobe that is not a delta lobe, fitted to f·ω_k."""
-        probes = probe_directions()
-        wi, wo = (mi.Vector3f(np.ascontiguousarray(w.T, dtype=np.float32)) for w in (probes.wi, probes.wo))
-        values = [np.broadcast_to(np.array(part, dtype=np.float64).T, probes.wi.shape) for part in self.parts(wi, wo)]
         return [
-            fit_shape(v, proxy.alpha, with_matte=proxy.is_matte) for v, proxy in zip(values, self._proxies, strict=True)
+            fit_shape(values, proxy.alpha, with_matte=proxy.is_matte)
+            for values, proxy in zip(self.values(probe_directions()), self._proxies, strict=True)
         ]
 
     def split(
@@ -178,6 +176,13 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
         """BRDF times cosine [sr⁻¹] of each lobe that is not a delta lobe, in RGB rendering; see `shares`."""
         value = self._bsdf.eval(mi.BSDFContext(), interaction(wo), wi)
         return [value * share for share in self.shares(wi, wo)]
+
+    def values(self, probes: ProbeDirections) -> list[NDArray[np.float64]]:
+        """BRDF times cosine [sr⁻¹] of each lobe that is not a delta lobe at `probes`, each of shape (n, 3)."""
+        if not self._proxies:
+            return []
+        wi, wo = (mi.Vector3f(np.ascontiguousarray(w.T, dtype=np.float32)) for w in (probes.wi, probes.wo))
+        return [np.broadcast_to(np.array(part, dtype=np.float64).T, probes.wi.shape) for part in self.parts(wi, wo)]
 
     def shares(self, wi: mi.Vector3f, wo: mi.Vector3f) -> list[mi.Color3f]:
         """Share ω_k of each lobe, in RGB rendering.

@@ -1,7 +1,7 @@
 """Microfacets as a viewer sees them: the share of the light that each reflects, bare or under a coat.
 
 Walter et al. (2007), eq. 20 and 38, in slopes; under a coat in the refracted directions, as in
-`rsibr.lobes.basis.coated_ggx`.
+`rsibr.lobes.basis.coated_ggx`. See docs/method.md, eq. 16.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ def flag_effects(material: MaterialProbe) -> Iterator[Effect]:
     """Yield the effects that maps cannot represent: off in every bake, flagged if the material shows them."""
     yield flagged(
         "retroreflection", material.retro_ratio, RETRO_RATIO, "BRDF toward the light over that to the side",
-        "no warp follows retroreflected light: it is baked with the other lobes, with larger errors between the views",
+        "neither model nor warp follows retroreflected light: expect larger errors between the views",
         "no light is retroreflected",
     )  # fmt: skip
     yield flagged(
@@ -29,7 +29,7 @@ def flag_effects(material: MaterialProbe) -> Iterator[Effect]:
     )  # fmt: skip
     yield flagged(
         "spatial_variation", material.variation, SAME_ALL_OVER, "relative change of the BRDF over the surface",
-        "the lobes are those of one place, and a warp mixes places: expect larger errors between the views",
+        "the lobes are those of one place, and warped residuals mix places: expect larger errors between the views",
         "the material is homogeneous",
     )  # fmt: skip
 

@@ -46,8 +46,11 @@ def effect_of(lobe: LobeProbe, lobes: tuple[LobeProbe, ...]) -> str:
 def lobe_effects(material: MaterialProbe, left_out: Weights, settings: EffectsConfig) -> Iterator[Effect]:
     """Decide on each kind of lobe: on if the material has it, unless forced off."""
     names = {
-        "diffuse": ("a matte lobe, warped by the normal", "the material has no matte lobe"),
-        "glossy": ("glossy lobes, each warped by its own mirror direction", "the material has no further glossy lobe"),
+        "diffuse": ("a matte lobe: it follows the normal", "the material has no matte lobe"),
+        "glossy": (
+            "glossy lobes: each follows the mirror direction with a width of its own",
+            "the material has no further glossy lobe",
+        ),
         "clear_coat": ("a narrow lobe over wider ones", "the material has no narrow lobe over wider ones"),
         "mirror": ("a perfect mirror: environment lookup times Fresnel", "the material has no perfect mirror"),
     }
@@ -123,7 +126,7 @@ def lobe_maps(
         why = _closed_form(lobe, light) if error <= NEGLIGIBLE else "forced off: the nearest closed form is used"
         return LobePlan(lobe.name, False, 0, error, NEGLIGIBLE, why)
     if lobe.kind == "diffuse":
-        why = f"warped by the normal: its shape deviates from Lambert's by {number(lobe.shape_error)}, relative"
+        why = f"its shape deviates from Lambert's by {number(lobe.shape_error)}, relative"
         return LobePlan(lobe.name, True, VIEW_COUNTS[0], error, NEGLIGIBLE, why)
     views = next(
         (count for count in VIEW_COUNTS if interpolation_error(lobe, left_out, light, count) <= _ENOUGH),

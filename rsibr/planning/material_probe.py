@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rsibr.geometry.sphere_interaction import ON_THE_EQUATOR, interaction
 from rsibr.lobes.albedo import over_disk
 from rsibr.lobes.bsdf_eval import retro_ratio
+from rsibr.lobes.fit_error import FitErrors
 from rsibr.lobes.low_discrepancy import sobol
 from rsibr.lobes.split import Lobe, LobeSplit
 
@@ -76,6 +77,8 @@ class MaterialProbe:
         See `rsibr.lobes.bsdf_eval.retro_ratio`.
     fresnel : float
         relMSE over the disk of replacing the albedo by its mean over the angle.
+    fit : FitErrors
+        Errors of the fitted lobes.
     """
 
     lobes: tuple[LobeProbe, ...]
@@ -85,6 +88,7 @@ class MaterialProbe:
     variation: float
     retro_ratio: float
     fresnel: float
+    fit: FitErrors
 
 
 def probe_material(bsdf: mi.BSDF, split: LobeSplit) -> MaterialProbe:
@@ -103,7 +107,7 @@ def probe_material(bsdf: mi.BSDF, split: LobeSplit) -> MaterialProbe:
 
     Notes
     -----
-    Half of the directions are sampled from the BSDF, half uniformly. Two kernels.
+    Half of the directions are sampled from the BSDF, half uniformly. Three kernels.
     """
     albedo = np.sum([lobe.albedo for lobe in split.lobes], axis=0)
     smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
@@ -123,6 +127,7 @@ def probe_material(bsdf: mi.BSDF, split: LobeSplit) -> MaterialProbe:
         variation=varying,
         retro_ratio=retro_ratio(bsdf) if smooth else 1.0,
         fresnel=_variation_over_angle(albedo),
+        fit=FitErrors.of(split),
     )
 
 

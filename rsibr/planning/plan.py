@@ -94,6 +94,12 @@ class LobePlan:
     own_views : int or None
         Number of views that store it as a layer of its own, the first ones; the others store it added to further lobes.
         None if all views do, and in plans older than this field. See `rsibr.planning.views`.
+    fit_angles : tuple of float
+        View angles to the normal [°] at which the fit of the lobe was held against the BRDF; empty for a delta lobe and
+        in plans older than this field.
+    fit_errors : tuple of float
+        At each of these angles, the share of the lobe's light that the model gathers from wrong directions, in [0, 1].
+        See `rsibr.lobes.fit_error`.
     """
 
     __pydantic_config__ = _STRICT
@@ -105,6 +111,8 @@ class LobePlan:
     threshold: float
     why: str
     own_views: int | None = None
+    fit_angles: tuple[float, ...] = ()
+    fit_errors: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, repr=False)

@@ -12,6 +12,7 @@ from rsibr.errors import InputError
 from rsibr.light.probe import LightProbe, probe_light
 from rsibr.lobes.split import LobeSplit
 from rsibr.planning.colour import ColourEffects, colour_effect
+from rsibr.planning.fit import unfitted, with_fit_errors
 from rsibr.planning.flags import flag_effects, use_effects
 from rsibr.planning.light import Resolution, is_even, resolution_effect, sampling_effect
 from rsibr.planning.lobes import Weights, effect_of, fresnel_effect, lobe_effects, lobe_maps, view_effect
@@ -117,9 +118,10 @@ def make_plan(config: Config, probes: Probes, sampling_ratio: float | None) -> P
         for lobe in kept
     )
     layers, lobes = lobe_views(lobes, config.views, settings, [lobe.name for lobe in kept if lobe.kind == "mirror"])
+    flags = (*flag_effects(material), unfitted(material), *use_effects())
     return Plan(
-        effects=unique([*of_material, layers, *carried, sampling, full, *flag_effects(material), *use_effects()]),
-        lobes=lobes,
+        effects=unique([*of_material, layers, *carried, sampling, full, *flags]),
+        lobes=with_fit_errors(lobes, material),
         left_out=dropped,
         grey=not colour.on,
         light_samples=sampling.on,

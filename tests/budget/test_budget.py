@@ -126,6 +126,18 @@ def test_what_cannot_be_promised_is_refused_in_one_line(config, key, said):
     assert "\n" not in str(refused.value)
 
 
+def test_a_refusal_says_where_the_fit_of_the_lobes_is_bad(config):
+    """Half of the light is sent back to where it came from, which no fitted lobe does; a plastic's lobes are fitted."""
+    small = ["map.resolution=24", "views.subdivision=0", "budget.error=1e-7"]
+    retro = "material.bsdf={type='rsibr_car_paint', retro_share=0.5}"
+    with pytest.raises(InputError, match=r"fitted lobes err by .* % at \d+°: store more views") as refused:
+        chosen(config, [*small, retro])
+    assert "\n" not in str(refused.value)
+    with pytest.raises(InputError) as refused:
+        chosen(config, small)
+    assert "fitted" not in str(refused.value)
+
+
 def test_a_plan_shows_what_would_be_chosen(config):
     plan, _, record = planned(config, SMALL)
     assert plan.resolution == record.chosen.resolution == 24

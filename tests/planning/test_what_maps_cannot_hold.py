@@ -97,3 +97,24 @@ def test_retroreflection_beyond_the_threshold_is_flagged(bsdf, flagged):
     effect = planned(bsdf, gradient()).plan["retroreflection"]
     assert effect.missed is flagged
     assert (effect.evidence > effect.threshold) is flagged
+
+
+@pytest.mark.parametrize(("bsdf", "unfitted"), [(BRUSHED, True), (RETRO, True), (PLASTIC, False), (METAL, False)])
+def test_lobes_that_the_model_does_not_represent_are_flagged_with_what_to_do(bsdf, unfitted):
+    plan = planned(bsdf, gradient()).plan
+    effect = plan["unfitted"]
+    assert effect.missed is unfitted
+    assert not effect.on
+    assert all(words in effect.why for words in ("more views", "cabral1999", "rsibr-fine")) is unfitted
+    assert any("fitted lobes err by" in note for note in plan.notes()) is unfitted
+
+
+def test_a_plan_records_the_fit_of_each_lobe_by_angle():
+    """Each lobe errs at least at one angle by what all together do at the worst; a mirror has no fit."""
+    found = planned({"type": "plastic"}, gradient())
+    matte, mirror = found.plan.lobes
+    assert (mirror.fit_angles, mirror.fit_errors) == ((), ())
+    assert len(matte.fit_angles) == len(matte.fit_errors) == 6
+    assert list(matte.fit_angles) == sorted(matte.fit_angles)
+    assert all(0 <= error <= 1 for error in matte.fit_errors)
+    assert found.plan["unfitted"].evidence <= max(matte.fit_errors) + 1e-4

@@ -180,7 +180,7 @@ def _with_scaled_lobes(
 ) -> tuple[Array, Array]:
     """Factors on the lobes with which the model helps an interpolation most, and the estimates that result.
 
-    With factors β the estimate is Σ w S + Σ_k β_k (P_k − Σ w P_k), linear in β.
+    With factors μ the estimate is Σ w S + Σ_k μ_k (P_k − Σ w P_k), linear in μ; docs/method.md, eq. 40.
     """
     nothing = {index: np.zeros_like(view.predicted) for index, view in views.items()}
     bare = np.concatenate([fold.carried(views, nothing, damped=False) for fold in folds])
@@ -197,7 +197,7 @@ def _with_scaled_lobes(
 
 
 def _weight(weight: Array, hats: Array, modelled: Array, plain: Array, stored: Array) -> Array:
-    """Weight of the model against the interpolation at the nodes.
+    """Weight of the model against the interpolation at the nodes; docs/method.md, eq. 41.
 
     What brings their mixture nearest to the stored maps, less a margin: a model that fails at some angle is believed
     less than it seems to deserve at others, since the maps were predicted from farther away than new views will be.
@@ -207,7 +207,7 @@ def _weight(weight: Array, hats: Array, modelled: Array, plain: Array, stored: A
 
 
 def _trust(weight: Array, hats: Array, carried: Array, true: Array) -> Array:
-    """Trust at the nodes that brings carried residuals nearest to the true ones, in [0, 1]."""
+    """Trust at the nodes that brings carried residuals nearest to the true ones, in [0, 1]; docs/method.md, eq. 39."""
     normal = hats.T @ ((weight * carried**2).sum(axis=1)[:, None] * hats)
     right = hats.T @ (weight * carried * true).sum(axis=1)
     ridge = _RIDGE * max(float(np.trace(normal)) / NODES, 1e-30)

@@ -112,7 +112,8 @@ class HalfVectorLobes:
         fidelity: Fidelity = FAST,
     ) -> HalfVectorLobes:
         """Prepare the lobes; parameters as of `LobeIntegral.of`, and how finely the light is gathered."""
-        terms, parts = LobeTerms.of(lobes), LobeTerms.of(lobes, part)
+        terms = LobeTerms.of(lobes)
+        parts = terms if part is None else LobeTerms.of(lobes, part)
         finest = fidelity.resolution
         weights, whole = (lobe_weights(terms.narrow, counted, finest) for counted in (parts.narrow, terms.narrow))
         tables, all_tables = ([CosineTable.of(level) for level in one.levels] for one in (weights, whole))

@@ -1,4 +1,4 @@
-"""Reflection integral of all lobes, term by term: the prediction P of `rsibr-fine`, and of `rsibr` for single points.
+"""Reflection integral of all lobes, term by term: the prediction P of `rsibr` and `rsibr-fine` for single points.
 
 A narrow Gaussian is an anisotropic footprint around the mirror direction, sampled along its long axis
 (`narrow_gaussians.py`). Wide ones are gathered once over normals and views (`wide_light.py`). A matte part is a lookup
@@ -35,7 +35,7 @@ _RATIO = 1.6  # greatest ratio of the widths of Gaussians that share a footprint
 
 @dataclass(eq=False)
 class LobeIntegral:
-    """All lobes of a material under an environment; docs/method.md, eq. 15.
+    """All lobes of a material under an environment; docs/method.md, eq. 15 and section 9.
 
     Attributes
     ----------
@@ -80,7 +80,8 @@ class LobeIntegral:
         density : float
             Sampling density of a delta lobe: `EXACT` or `ROUGH`, see `DeltaLobe.of`.
         """
-        terms, parts = LobeTerms.of(lobes), LobeTerms.of(lobes, part)
+        terms = LobeTerms.of(lobes)
+        parts = terms if part is None else LobeTerms.of(lobes, part)
         return cls(
             environment=pyramid,
             narrow=NarrowGaussians.of(terms.narrow, parts.narrow, ratio=_RATIO),

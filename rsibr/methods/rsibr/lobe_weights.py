@@ -30,7 +30,7 @@ class LobeWeights:
     ----------
     levels : ndarray, shape (LEVELS, NODES, 4)
         Weight g_ℓ of each level (RGB), and radius factor φ_ℓ in the half-vector map; see
-        `half_vector_pyramid.gathered`.
+        `half_vector_pyramid.HalfVectorPyramid.collapsed`.
     sharp : ndarray, shape (Gaussians, NODES)
         Fraction of each Gaussian that is narrower than level 0.
     """
@@ -59,8 +59,8 @@ def lobe_weights(terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], r
     Returns
     -------
     LobeWeights
-        A Gaussian between two levels is mixed from both so that its variance is preserved (eq. 27); one narrower than
-        level 0 belongs to the sharp part.
+        A Gaussian is mixed of the three levels nearest to it, its variance preserved (eq. 27); one narrower than level
+        0 belongs to the sharp part.
     """
     angle = np.arccos(cosines())
     spacing = texel_angle(resolution, angle)
@@ -88,7 +88,7 @@ def _shares(variance: Array) -> tuple[Array, Array]:
 
 
 def _mixture(variance: Array, steps: Array) -> Array:
-    """Weights of the three levels nearest to a Gaussian whose sum is nearest to it; shape (LEVELS, n).
+    """Weights of the three levels nearest to a Gaussian whose sum is nearest to it; shape (LEVELS, n); eq. 27.
 
     Least squares over the plane, with the sum of the weights and the variance kept. The mean of the product of two
     Gaussians of variances a and b is 1/(2π (a + b)). Two levels alone would make the middle too high by an eighth.

@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 RINGS = 24
-"""Rings from the centre to the rim, 5.625° of the normal apart."""
+"""Rings from the centre to the rim, 3.75° of the normal apart."""
 
 SECTORS = 48
 """Nodes a ring, 7.5° of azimuth apart."""

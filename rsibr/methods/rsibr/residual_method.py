@@ -2,8 +2,8 @@
 
 P is a control variate: L(n, v) = P(n, v) + E(cos θ) · (weighted mean of the residuals R_i of the stored views), with
 R_i = (S_i − P_i)/E and the directional albedo E of the whole material (docs/method.md, eqs. 32 and 33;
-`residual_transport.py`). `rsibr-fine` integrates P lobe by lobe; `rsibr` takes it from one half-vector pyramid for the
-whole map.
+`residual_transport.py`). For a whole map P comes from one half-vector pyramid, for single points from integrals over
+footprints. How far residuals and P are believed is learnt from the stored views (`belief.py`).
 """
 
 from __future__ import annotations

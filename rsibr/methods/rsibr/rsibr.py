@@ -29,11 +29,11 @@ class Rsibr(ResidualMethod):
     lobes : HalfVectorLobes
         All lobes, prepared for maps.
     points : callable
-        Makes the method for single points; called at the first `eval`.
+        Makes the method for single points; called at the first `eval`. None for a method that serves maps alone.
     """
 
     lobes: HalfVectorLobes = field(kw_only=True)
-    points: Callable[[], RsibrPoints] = field(kw_only=True)
+    points: Callable[[], RsibrPoints] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -47,6 +47,7 @@ class Rsibr(ResidualMethod):
         another prediction, with residuals of its own; see `RsibrPoints`.
         """
         if self._points is None:
+            assert self.points is not None
             with self._preparing():
                 self._points = self.points()
         return self._points.eval(n, v)
@@ -90,11 +91,12 @@ def model_with_residuals(
 ) -> Rsibr:
     """Make a method of the name, whose model gathers light as finely as `fidelity`; parameters as of `rsibr`."""
     options = ResidualOptions(inputs, uses_maps, lobe)
-    belief = believed(options, fidelity) if options.carries else None
+    belief, known = believed(options, fidelity) if options.carries else (None, None)
     lobes = _scaled(inputs, belief)
     part = lobes[lobe][0] if lobe else None
     model = list(lobes.values()), inputs.pyramid, inputs.light, part, options.mirror_density
-    prepared = HalfVectorLobes.of(*model, fidelity)
+    is_known = known is not None and lobe is None and belief is not None and belief.is_full
+    prepared = known if is_known else HalfVectorLobes.of(*model, fidelity)
 
     def points() -> RsibrPoints:
         integral = LobeIntegral.of(*model)
@@ -104,24 +106,33 @@ def model_with_residuals(
     return residual_method(Rsibr, name, options, weights, belief, lobes=prepared, points=points)
 
 
-def believed(options: ResidualOptions, fidelity: Fidelity) -> Belief:
-    """How much of the whole model and its residuals to believe, learnt once for a bake; see `belief.py`."""
-    inputs = options.inputs
+def believed(options: ResidualOptions, fidelity: Fidelity) -> tuple[Belief, HalfVectorLobes | None]:
+    """How much of the whole model and its residuals to believe, learnt once for a bake; see `belief.py`.
+
+    Returns
+    -------
+    belief : Belief
+    model : HalfVectorLobes or None
+        The whole model, the first time.
+    """
+    inputs, model = options.inputs, None
     if fidelity not in inputs.learnt:
-        inputs.learnt[fidelity] = _learnt(ResidualOptions(inputs, uses_maps=True), fidelity)
+        model, inputs.learnt[fidelity] = _learnt(ResidualOptions(inputs, uses_maps=True), fidelity)
     belief: Belief = inputs.learnt[fidelity]
-    return belief
+    return belief, model
 
 
-def _learnt(options: ResidualOptions, fidelity: Fidelity) -> Belief:
+def _learnt(options: ResidualOptions, fidelity: Fidelity) -> tuple[HalfVectorLobes, Belief]:
     inputs, lobes = options.inputs, list(options.inputs.shapes.values())
     neighbours = judged(inputs.viewpoints.triangles, inputs.bake.view_count)
     used = sorted({index for view, around in neighbours.items() for index in (view, *around)})
 
-    def predicted(part: LobeShape | None) -> dict[int, tuple[Image, Image]]:
-        model = HalfVectorLobes.of(lobes, inputs.pyramid, inputs.light, part, options.mirror_density, fidelity)
+    def model_of(part: LobeShape | None) -> HalfVectorLobes:
+        return HalfVectorLobes.of(lobes, inputs.pyramid, inputs.light, part, options.mirror_density, fidelity)
+
+    def predicted(model: HalfVectorLobes) -> dict[int, tuple[Image, Image]]:
         alone = ResidualOptions(inputs, uses_maps=False)
-        method = residual_method(Rsibr, "", alone, "gnomonic", lobes=model, points=lambda: None)
+        method = residual_method(Rsibr, "", alone, "gnomonic", lobes=model)
         method.carries_mirror = options.separate_mirror is None
         return {k: method.predicted_at_texels(inputs.maps[k].frame, inputs.bake.resolution) for k in used}
 
@@ -130,10 +141,11 @@ def _learnt(options: ResidualOptions, fidelity: Fidelity) -> Belief:
         return StoredView(options.carried_image(seen), radiance, albedo, seen.coverage > 0, seen.frame)
 
     def by_lobe() -> list[dict[int, Image]]:
-        return [{k: image for k, (image, _) in predicted(shape).items()} for shape, _ in lobes]
+        return [{k: image for k, (image, _) in predicted(model_of(shape)).items()} for shape, _ in lobes]
 
-    views = {index: of_view(index, *found) for index, found in predicted(None).items()}
-    return learnt(views, neighbours, len(lobes), by_lobe)
+    whole = model_of(None)
+    views = {index: of_view(index, *found) for index, found in predicted(whole).items()}
+    return whole, learnt(views, neighbours, len(lobes), by_lobe)
 
 
 def _scaled(inputs: MethodInputs, belief: Belief | None) -> dict[str, Lobe]:

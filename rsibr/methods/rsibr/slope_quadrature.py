@@ -107,7 +107,7 @@ def _points(
     z = sine[:, None] * outer[..., 0] + cosine[:, None] * outer[..., 2]
     visible = (z > 0) & weights.any(axis=-1)
     places = np.where(visible[..., None], np.stack([x, -outer[..., 1]], axis=-1) / (1 + np.maximum(z, 0))[..., None], 0)
-    # ---- Level as wide as the point: a disk of its solid angle has the radius √(Ω/π), blurred by as much ----
+    # ---- Level as wide as the point: a disk of its solid angle has the radius √(Ω/π), blurred by as much (eq. 21) ----
     angle = facet[:, 2] ** 3 * area * (_outward(viewer, outer, toward, facet) if terms[0].is_coated else 1.0)
     width = np.sqrt(angle / np.pi) / texel_angle(resolution, np.arccos(np.clip(z, 0, 1)))
     steps = 0.5 * np.log(lookup_variances())

@@ -92,7 +92,8 @@ def radial_mean(
 ) -> mi.Color3f:
     """Mean of `seen` along the radius over the part of each texel inside the disk.
 
-    Along the radius the normals of a texel at the rim spread 1/cos θ times as far as across it.
+    Along the radius the normals of a texel at the rim spread 1/cos θ times as far as across it; docs/method.md, section
+    6.5.
 
     Parameters
     ----------
