@@ -37,8 +37,11 @@ _UPSAMPLED = 3 / 16  # the same a quarter of a texel off the centres
 
 
 def _added(halvings: int) -> float:
-    """Variance [texels² of level 0] that the lookups of the collapse add to a level of halved side."""
-    return _LOOKUP * 4.0**halvings + _UPSAMPLED * sum(4.0**k for k in range(1, halvings + 1)) + _LOOKUP
+    """Variance [texels² of level 0] that the lookups of the collapse add to a level of halved side.
+
+    The lookup in the level itself adds none: without a lean it lies at the centres of its texels.
+    """
+    return _UPSAMPLED * sum(4.0**k for k in range(1, halvings + 1)) + _LOOKUP
 
 
 LADDER = tuple(

@@ -92,7 +92,7 @@ def test_taps_have_the_variance_that_a_level_adds(before, after):
 
 def test_the_collapsed_levels_are_root_two_apart_in_width():
     assert level_variances()[1:] / level_variances()[:-1] == pytest.approx(np.full(LEVELS - 1, 2.0), rel=1e-12)
-    assert level_variances()[0] == pytest.approx(FIRST + 1 / 3, rel=1e-12)
+    assert level_variances()[0] == pytest.approx(FIRST + 1 / 6, rel=1e-12)
 
 
 def over(side, values):
@@ -121,7 +121,7 @@ SIDE = 384
 def test_the_variance_of_a_level_is_that_of_its_point_response(level, factor, own_lookup, rng):
     """Second moment of the response, lookups and collapse included, averaged over places between the texels.
 
-    Without a lean a level is looked up at its own texels, which adds nothing: there it is narrower than it says.
+    Without a lean a level is looked up at its own texels, which adds nothing; with one it is wider than it says.
     """
     p = near_centre(rng, 8000, 90)
     lean = [CosineTable.of(np.tile([w, w, w, factor], (5, 1))) for w in np.arange(LEVELS) == level]
@@ -130,7 +130,7 @@ def test_the_variance_of_a_level_is_that_of_its_point_response(level, factor, ow
     assert found[:, 2] == pytest.approx(np.ones(len(p)), abs=1e-4)
     measured = (found[:, :2] - (factor * p) ** 2).mean(axis=0) + FIRST
     halvings, variance = LADDER[level]
-    later = level_variances()[level] - variance - 4.0**halvings / 6  # lookups in finer levels, and the last
+    later = level_variances()[level] - variance  # lookups in finer levels, and the last
     wanted = variance + own_lookup * 4.0**halvings + later * factor**2
     assert measured == pytest.approx([wanted] * 2, rel=0.005)
 
@@ -145,7 +145,7 @@ def test_the_variance_of_a_lookup_in_a_level_is_that_of_its_point_response(level
     assert measured == pytest.approx([lookup_variances()[level]] * 2, rel=0.01)
 
 
-@pytest.mark.parametrize("level", range(LEVELS))
+@pytest.mark.parametrize("level", range(1, LEVELS))  # level 0 is the light as it is
 def test_the_point_response_of_a_level_is_nearly_a_gaussian(level):
     """An impulse in one texel, against a Gaussian of its variance: half the L1 distance, at the texels."""
     side = 192
@@ -157,7 +157,7 @@ def test_the_point_response_of_a_level_is_nearly_a_gaussian(level):
     variance = level_variances()[level] - FIRST - 1 / 6  # of neither the light's blur nor the last lookup
     exact = np.exp(-0.5 * ((p - 0.5) ** 2).sum(axis=1) / variance)
     distance = np.abs(found / found.sum() - exact / exact.sum()).sum() / 2
-    assert distance < (0.18 if level == 0 else 0.075 if level == 1 else 0.05)
+    assert distance < (0.1 if level == 1 else 0.06)
 
 
 def test_an_even_light_stays_even_at_every_level_up_to_the_rim(rng):
