@@ -130,6 +130,8 @@ class BakedMaps:
                 else opened_at(self.bake, precision)
             )
             self._methods[precision] = MethodSet(opened)
+            if precision == "noisy":  # with the belief of the bake itself: another belief is no noise of its pictures
+                self._methods[precision].inputs.learnt = self._at("float32").inputs.learnt
         return self._methods[precision]
 
     def _noise_of(self, variant: Variant) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from rsibr.geometry.frame import view_frame
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
 from rsibr.scene.config import parse_config
+from rsibr.studies.baked import BakedMaps
 from rsibr.studies.noise import noise_of, noisy_maps, relative_square, without
 from rsibr.validation.report.document import EstimateModel
 from tests.validation.doubles import noisy_reference
@@ -49,6 +51,17 @@ def test_the_predicted_noise_is_that_of_independent_bakes(bakes, method):
     noisy = MethodSet(noisy_maps(bakes[0], seed=3))[method]
     predicted = noise_of(pictures[0], [run(noisy, f, RESOLUTION).image for f in FRAMES], references)
     assert predicted == pytest.approx(measured, rel=0.25)
+
+
+def test_another_belief_is_no_noise(bakes):
+    """`rsibr` learns from the maps how far to believe its residuals: from the bake's own, not from noisier ones."""
+    judged = SimpleNamespace(scene=SimpleNamespace(seed=0))
+    baked = BakedMaps(judged, bakes[0], None, None)
+    plain, noisy = baked._at("float32"), baked._at("noisy")
+    alone = [MethodSet(noisy_maps(bakes[0], seed=0)), plain, noisy]
+    learnt, own, shared = (np.array(made["rsibr"].trust.nodes) for made in alone)
+    assert np.array_equal(shared, own)
+    assert not np.array_equal(shared, learnt)
 
 
 def test_noise_added_to_a_map_has_its_variance_and_leaves_the_rest(bakes):
