@@ -96,8 +96,8 @@ def test_the_constants_are_those_of_the_code():
 def test_the_fidelities_are_those_quoted():
     assert (FAST.resolution, FINE.resolution) == (RESOLUTION, 192)
     assert "$G$ is 96 for `rsibr` and 192 for `rsibr-fine`" in FLOW
-    assert (FAST.points, FINE.points) == (160, 384)
-    assert "$M_0 = 160$ for `rsibr` and 384 for `rsibr-fine`" in FLOW
+    assert (FAST.points, FINE.points) == (256, 384)
+    assert "$M_0 = 256$ for `rsibr` and 384 for `rsibr-fine`" in FLOW
     assert (FAST.ratio, FINE.ratio) == (float("inf"), 1.6)
 
 

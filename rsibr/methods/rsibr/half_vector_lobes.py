@@ -24,7 +24,7 @@ from rsibr.methods.rsibr.matte_light import MatteLight
 from rsibr.methods.rsibr.narrow_gaussians import NarrowGaussians
 from rsibr.methods.rsibr.polar_grid import PolarGrid
 from rsibr.methods.rsibr.texel_mean import radial_mean
-from rsibr.methods.rsibr.wide_light import WideLight
+from rsibr.methods.rsibr.wide_light import POINTS, WideLight
 
 MapTables = tuple["mi.Float | None", "PolarGrid | None"]
 """What is gathered once a map: the collapsed half-vector pyramid, and the light of the wide Gaussians."""
@@ -61,7 +61,7 @@ _STEP, _MOST = 0.12, 4  # angle of normals [rad] that one point of a texel stand
 _FINE_MAP = 200  # texels a side from which one point stands for every texel, those at the rim too
 _FLATTEST = 0.02  # cosine below which their number does not grow further
 
-FAST = Fidelity(resolution=96, points=160, ratio=math.inf, between_levels=False)
+FAST = Fidelity(resolution=96, points=POINTS, ratio=math.inf, between_levels=False)
 """For `rsibr`."""
 
 FINE = Fidelity(resolution=192, points=384, ratio=1.6, between_levels=True)

@@ -24,7 +24,7 @@ from rsibr.methods.rsibr.slope_quadrature import SlopeQuadrature
 
 Array = NDArray[np.float64]
 
-POINTS = 160
+POINTS = 256
 """Points of the quadrature at each ring, by default; see `SlopeQuadrature.of`."""
 
 _STRIDE = 40  # lanes a node

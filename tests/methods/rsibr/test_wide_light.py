@@ -22,7 +22,7 @@ ONE = np.ones((len(node_cosines()), 3))
 AT = np.array([0, 8, 16, 21, 23])
 """Rings: 0°, 30°, 60°, 79° and 86° for 24 rings."""
 
-G, POINTS = 96, 160
+G, POINTS = 96, 256
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +81,7 @@ def test_more_points_come_nearer(light):
     wanted = exact(lambda wi, wo: beckmann(wi, wo, 0.3 * np.sqrt(2), 0.25), sectors)
     errors = [
         np.abs(gathered(one_gaussian(0.3, 0.25), light, *how)[AT, sectors] / wanted - 1).mean()
-        for how in ((96, 160), (192, 384))
+        for how in ((96, 256), (192, 384))
     ]
     assert errors[0] < 0.007
     assert errors[1] < 0.7 * errors[0]
