@@ -74,14 +74,19 @@ def test_weights_make_another_picture_and_a_methods_own_do_not(methods):
 
 
 def test_bytes_are_those_on_the_device(small):
-    """The maps of the warp are 12 of 18 × 24 texels of 8 bytes; `rsibr` has its environment and tables beside them."""
+    """The maps of the warp are 12 of 18 × 24 texels of 8 bytes; `rsibr` has its environment and tables beside them.
+
+    Where the belief of a bake mixes interpolation in, its tables come to as many bytes more.
+    """
     paper = {point.bytes for point in small.points(method="cabral1999", warp="texel")}
     (least,) = paper
     assert 12 * 18 * 24 * 8 <= least < 1.1 * 12 * 18 * 24 * 8 + 4096
     baked = open_bake(sorted((small.out / "bakes").iterdir())[0])
     method = MethodSet(baked)["rsibr"]
     dr.eval(method.map(view_frame([1, 2, 3]), 16))
-    assert {point.bytes for point in small.points(method="rsibr")} == {device_bytes(method)}
+    found = {point.bytes for point in small.points(method="rsibr")}
+    assert device_bytes(method) in found
+    assert max(found) - min(found) < 2 * least
     assert device_bytes(method) >= method.cost.device_bytes > least
 
 

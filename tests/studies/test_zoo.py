@@ -27,7 +27,7 @@ def test_errors_are_measured_and_nothing_beside_them(zoo):
         assert [point.method for point in scene.points] == list(METHODS)
         assert sum(scene.reference.zones.values()) == pytest.approx(1)
         for point in scene.points:
-            assert 0 < point.rel_mse < 1
+            assert -0.01 < point.rel_mse < 1  # noise of the truth taken out
             assert point.noise is point.bias is point.lobes is point.eval_rel_mse is point.eval_seconds is None
             assert point.frame_seconds.runs == 2 * 3
     assert zoo.scenes == zoo.document.analyses == zoo.document.doubling == []
