@@ -9,15 +9,16 @@ against each other by angle. See docs/method.md, section 8.6.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import map_coordinates
 from scipy.optimize import lsq_linear
 
 from rsibr.methods.cosine_table import CosineTable
+from rsibr.methods.warp_blend.source_maps import filled_outward
 from rsibr.methods.warp_blend.warp import FADE_RADIUS
 
 Array = NDArray[np.float64]
@@ -154,13 +155,14 @@ def learnt(
     folds = [_Fold.of(views, index, around) for index, around in neighbours.items()]
     weight, hats, stored = (np.concatenate([getattr(f, name) for f in folds]) for name in ("weight", "hats", "stored"))
     # ---- Model plus carried residuals, with the trust that brings these nearest to the true ones ----
-    predicted = {index: view.predicted for index, view in views.items()}
-    own = np.concatenate([fold.own(predicted) for fold in folds])
-    carried = np.concatenate([fold.carried(views, predicted, damped=True) for fold in folds])
+    own = np.concatenate([fold.own({index: view.predicted for index, view in views.items()}) for fold in folds])
+    residuals = _over_albedo(views, {index: view.stored - view.predicted for index, view in views.items()})
+    carried = np.concatenate([fold.carried(residuals, damped=True) for fold in folds])
     trust = _trust(weight, hats, carried, stored - own)
     modelled = own + carried * (hats @ trust)[:, None]
     # ---- Against the paper's interpolation, angle by angle ----
-    plain = np.concatenate([fold.interpolated(views) for fold in folds])
+    maps = {index: filled_outward(view.stored, view.covered) for index, view in views.items()}
+    plain = np.concatenate([fold.interpolated(maps) for fold in folds])
     worse = _errors(weight, hats, modelled - stored) > _errors(weight, hats, plain - stored)
     if not worse.any():
         return Belief(trust, np.ones(lobes), np.ones(NODES))
@@ -168,6 +170,11 @@ def learnt(
     if _errors(weight, hats, scaled - stored).sum() < _errors(weight, hats, modelled - stored).sum():
         return Belief(np.ones(NODES), factors, _weight(weight, hats, scaled, plain, stored))
     return Belief(trust, np.ones(lobes), _weight(weight, hats, modelled, plain, stored))
+
+
+def _over_albedo(views: Views, images: Mapping[int, Image]) -> dict[int, Image]:
+    """Images of the views divided by the albedo, extended beyond the disk for lookups."""
+    return {index: filled_outward(images[index] / view.albedo, view.covered) for index, view in views.items()}
 
 
 def _errors(weight: Array, hats: Array, difference: Array) -> Array:
@@ -182,13 +189,13 @@ def _with_scaled_lobes(
 
     With factors μ the estimate is Σ w S + Σ_k μ_k (P_k − Σ w P_k), linear in μ; docs/method.md, eq. 40.
     """
-    nothing = {index: np.zeros_like(view.predicted) for index, view in views.items()}
-    bare = np.concatenate([fold.carried(views, nothing, damped=False) for fold in folds])
-    added = []
-    for predicted in by_lobe:
-        as_stored = {index: replace(view, stored=predicted[index]) for index, view in views.items()}
-        own = np.concatenate([fold.own(predicted) for fold in folds])
-        added.append(own - np.concatenate([fold.carried(as_stored, nothing, damped=False) for fold in folds]))
+
+    def moved(images: Mapping[int, Image]) -> Array:
+        shared = _over_albedo(views, images)
+        return np.concatenate([fold.carried(shared, damped=False) for fold in folds])
+
+    bare = moved({index: view.stored for index, view in views.items()})
+    added = [np.concatenate([fold.own(lobe) for fold in folds]) - moved(lobe) for lobe in by_lobe]
     root = np.sqrt(weight)
     columns = np.stack([(root * one).ravel() for one in added], axis=1)
     factors = lsq_linear(columns, (root * (stored - bare)).ravel(), bounds=(0, 1)).x
@@ -269,21 +276,20 @@ class _Fold:
         """Values of an image of this view at its texels, shape (n, 3)."""
         return np.asarray(images[self.view][self.texels])
 
-    def carried(self, views: Views, predicted: Mapping[int, Image], *, damped: bool) -> Array:
-        """Residuals S − P of the neighbours carried to this view, shape (n, 3); see `warped_residual`."""
+    def carried(self, quotients: Mapping[int, Image], *, damped: bool) -> Array:
+        """Residuals over the albedo, from `_over_albedo`, carried to this view, shape (n, 3); see `warped_residual`."""
         residual, total = np.zeros_like(self.stored), np.zeros(len(self.stored))
         for one in self.neighbours:
-            view = views[one.view]
-            found = one.fetched((view.stored - predicted[one.view]) / view.albedo, view.covered)
+            found = one.fetched(quotients[one.view])
             residual += (one.trusted * (one.overlap if damped else 1))[:, None] * found
             total += one.trusted
         return self.albedo * residual / total[:, None]
 
-    def interpolated(self, views: Views) -> Array:
+    def interpolated(self, maps: Mapping[int, Image]) -> Array:
         """Maps of the neighbours warped and blended as in the paper, shape (n, 3)."""
         radiance, total = np.zeros_like(self.stored), np.zeros(len(self.stored))
         for one in self.neighbours:
-            radiance += one.fade[:, None] * one.fetched(views[one.view].stored, views[one.view].covered)
+            radiance += one.fade[:, None] * one.fetched(maps[one.view])
             total += one.fade
         return np.asarray(radiance / np.maximum(total, 1e-30)[:, None])
 
@@ -308,12 +314,9 @@ class _Neighbour:
     overlap: Array
     fade: Array
 
-    def fetched(self, image: Image, covered: NDArray[np.bool_]) -> Array:
-        """Bilinear lookup of an image (N, N, 3) of the neighbour, shape (n, 3)."""
-        filled = _filled(image, covered)
-        return np.stack(
-            [map_coordinates(filled[..., c], self.place, order=1, mode="nearest") for c in range(3)], axis=1
-        )
+    def fetched(self, image: Image) -> Array:
+        """Bilinear lookup in an image (N, N, 3) of the neighbour, shape (n, 3)."""
+        return np.stack([map_coordinates(image[..., c], self.place, order=1, mode="nearest") for c in range(3)], axis=1)
 
 
 def _test_normals(size: int) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]], Array]:
@@ -324,9 +327,3 @@ def _test_normals(size: int) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]
     inside = np.hypot(x, y) < 1 - 1 / size
     x, y = x[inside], y[inside]
     return (rows[inside], columns[inside]), np.stack([x, y, np.sqrt(1 - x**2 - y**2)], axis=1)
-
-
-def _filled(image: Image, covered: NDArray[np.bool_]) -> Array:
-    """Extend values beyond the disk from the nearest texel inside."""
-    row, column = distance_transform_edt(~covered, return_distances=False, return_indices=True)
-    return np.asarray(image[row, column])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -14,6 +15,8 @@ from rsibr.errors import MachineError
 from rsibr.geometry.bilinear import BilinearCell
 from rsibr.geometry.to_device import to_device
 from rsibr.light.shared_exponent import bilinear, packed
+
+_T = TypeVar("_T", bound=np.generic)
 
 MAX_WORDS = 2**32 - 1
 """Largest number of entries of a Dr.Jit array."""
@@ -99,7 +102,7 @@ class SourceMaps:
             )
         texels = np.empty((count, strips, stride, _STRIP, _WORDS), dtype=np.uint32)
         for image, covered, texel in zip(radiance, coverage > 0, texels, strict=True):
-            filled = packed(_filled_outward(np.pad(image, _AROUND), np.pad(covered, _BORDER)))
+            filled = packed(filled_outward(np.pad(image, _AROUND), np.pad(covered, _BORDER)))
             whole = np.pad(filled, ((0, 0), (0, strips * _STRIP - stride), (0, 0)))
             texel[:] = whole.reshape(stride, strips, _STRIP, _WORDS).swapaxes(0, 1)
         return cls(
@@ -157,7 +160,15 @@ def _strips(resolution: int) -> tuple[int, int]:
     return stride, -(-stride // _STRIP)
 
 
-def _filled_outward(image: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Extend values to texels outside the disk from the nearest one inside; otherwise lookups at the rim darken."""
+def filled_outward(image: NDArray[_T], covered: NDArray[np.bool_]) -> NDArray[_T]:
+    """Extend values to texels outside the disk from the nearest one inside; otherwise lookups at the rim darken.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W, …)
+        Values of texels; those that are not covered are ignored.
+    covered : ndarray, shape (H, W)
+        Texels that hold a value, at least one.
+    """
     row, column = distance_transform_edt(~covered, return_distances=False, return_indices=True)
     return np.asarray(image[row, column])
