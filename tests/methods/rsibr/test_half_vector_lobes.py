@@ -11,7 +11,6 @@ from rsibr.lobes.albedo import node_cosines
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.rsibr.half_vector_lobes import FAST, FINE, HalfVectorLobes
 from tests.arrays import to_numpy, vector
-from tests.light.test_environment_pyramid import picture
 from tests.lobe_shapes import coated, ggx, matte, one_gaussian
 from tests.methods.rsibr.test_lobe_integral import disk_normals
 from tests.microfacet import by_quadrature, coated_ggx, metal, soft_sky, viewer
@@ -27,12 +26,6 @@ KERNELS = {
     "coated": lambda: coated(0.3),
     "matte": matte,
 }
-
-
-@pytest.fixture(scope="module")
-def light():
-    image = picture(soft_sky, 256)
-    return EnvironmentPyramid.of(image), Light(image)
 
 
 def radiance(lobes, light, n, resolution=N, fidelity=FAST, part=None):

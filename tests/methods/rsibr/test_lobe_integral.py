@@ -14,7 +14,6 @@ from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.rsibr import view_nodes
 from rsibr.methods.rsibr.lobe_integral import LobeIntegral
 from tests.arrays import to_numpy, unit_vectors, vector
-from tests.light.test_environment_pyramid import picture
 from tests.lobe_shapes import coated, fitted, fresnel, ggx, matte
 from tests.microfacet import by_quadrature, coated_ggx, metal, pairs, schlick, soft_sky
 from tests.microfacet import ggx as exact_ggx
@@ -29,12 +28,6 @@ KERNELS = {
     "coated": lambda: coated(0.3),
     "matte": matte,
 }
-
-
-@pytest.fixture(scope="module")
-def light():
-    image = picture(soft_sky, 256)
-    return EnvironmentPyramid.of(image), Light(image)
 
 
 @pytest.fixture(scope="module")
