@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from rsibr.geometry.refraction import refracted
 from rsibr.lobes.basis import COAT_IOR
 from rsibr.lobes.gaussians import Gaussians, LobeShape
 from rsibr.lobes.microfacet import LEAST_COSINE, schlick, smith_denominator, transmitted
 from rsibr.lobes.probe_directions import ProbeDirections, probe_directions
+from rsibr.lobes.visible_facets import under_coat
 
 Array = NDArray[np.float64]
 
@@ -209,7 +209,7 @@ def _values(term: _Term, alpha: float, probes: ProbeDirections) -> Array:
             plain, toward = _gaussian(wi, wo, term.sigma, alpha)
             return np.asarray(plain * schlick(toward, np))
         case _:
-            inner_i, inner_o = _under_coat(wi), _under_coat(wo)
+            inner_i, inner_o = under_coat(wi), under_coat(wo)
             below = _gaussian(inner_i, inner_o, term.sigma, alpha)[0]
             bent = np.maximum(wi[:, 2], 0) / (inner_i[:, 2] * COAT_IOR * COAT_IOR)
             return np.asarray(below * bent * transmitted(wi[:, 2], np) * transmitted(wo[:, 2], np))
@@ -225,8 +225,3 @@ def _gaussian(wi: Array, wo: Array, sigma: float, alpha: float) -> tuple[Array, 
     cos_i, cos_o = np.maximum(wi[:, 2], LEAST_COSINE), np.maximum(wo[:, 2], LEAST_COSINE)
     shadowing = smith_denominator(cos_i, cos_o, alpha, np)
     return density * cos_i / (2 * shadowing), (h * wo).sum(axis=1)
-
-
-def _under_coat(w: Array) -> Array:
-    x, y, height_squared = refracted(w[:, 0], w[:, 1], COAT_IOR)
-    return np.stack([x, y, np.sqrt(np.maximum(height_squared, 1e-6))], axis=1)

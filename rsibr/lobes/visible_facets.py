@@ -21,6 +21,11 @@ Seen = Callable[[Array, Array, float], tuple[Array, Array]]
 """(viewer, microfacets, α) → share of the light that each reflects to the viewer; equivalent microfacets outside."""
 
 
+def under_coat(w: Array) -> Array:
+    """Refract unit directions, shape (…, 3), into the coat, on the same side of the normal."""
+    return _direction(*refracted(w[..., 0], w[..., 1], COAT_IOR))[0]
+
+
 def seen_bare(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
     """Share of the light that microfacets on the surface reflect to the viewer, and the microfacets.
 
@@ -44,8 +49,7 @@ def seen_bare(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
 
 def seen_coated(viewer: Array, facet: Array, alpha: float) -> tuple[Array, Array]:
     """The same for microfacets under the coat; `outer` are those outside that reflect into the same directions."""
-    below, _ = _direction(*refracted(viewer[..., 0], viewer[..., 1], COAT_IOR))
-    share, light = _reflected(below, facet, alpha)
+    share, light = _reflected(under_coat(viewer), facet, alpha)
     outer_light, escapes = _direction(*emerging(light[..., 0], light[..., 1], COAT_IOR))
     through = transmitted(outer_light[..., 2], np) * transmitted(viewer[..., 2], np)
     half = outer_light + viewer

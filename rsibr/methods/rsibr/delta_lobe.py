@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import drjit as dr
@@ -12,6 +12,9 @@ import mitsuba as mi
 from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.latlong_texture import LatLongTexture
 from rsibr.light.radiance import Light
+from rsibr.lobes.gaussians import LobeShape
+from rsibr.methods.cosine_table import CosineTable
+from rsibr.methods.rsibr.lobe_terms import Lobe, albedo_at_nodes
 from rsibr.methods.rsibr.texel_mean import sides, texel_mean
 
 EXACT = 3.0
@@ -95,3 +98,13 @@ class DeltaLobe:
         return texel_mean(
             n, spacing, sides(n, self.fineness * spacing, _FEWEST, _MOST, _FLATTEST), seen, "mirror_over_texel"
         )
+
+
+def mirror_of(
+    lobes: Sequence[Lobe], pyramid: EnvironmentPyramid, light: Light, part: LobeShape | None, density: float
+) -> tuple[DeltaLobe, CosineTable] | None:
+    """Delta lobe and its albedo on the device; None if there is none, or it is not `part`."""
+    albedos = [albedo for shape, albedo in lobes if shape.is_mirror and part in (None, shape)]
+    if not albedos:
+        return None
+    return DeltaLobe.of(light, pyramid, density), CosineTable.of(albedo_at_nodes(albedos[0]))

@@ -14,10 +14,9 @@ from rsibr.light.radiance import Light
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.rsibr.anisotropic_footprint import LookUp, ShadingFrame
-from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe
+from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe, mirror_of
 from rsibr.methods.rsibr.half_vector_map import half_vector_point
 from rsibr.methods.rsibr.half_vector_pyramid import HalfVectorPyramid, balance, balanced, lookup
-from rsibr.methods.rsibr.lobe_integral import mirror_of
 from rsibr.methods.rsibr.lobe_terms import Lobe, LobeTerms
 from rsibr.methods.rsibr.lobe_weights import lobe_weights
 from rsibr.methods.rsibr.matte_light import MatteLight
@@ -112,8 +111,7 @@ class HalfVectorLobes:
         fidelity: Fidelity = FAST,
     ) -> HalfVectorLobes:
         """Prepare the lobes; parameters as of `LobeIntegral.of`, and how finely the light is gathered."""
-        terms = LobeTerms.of(lobes)
-        parts = terms if part is None else LobeTerms.of(lobes, part)
+        terms, parts = LobeTerms.pair(lobes, part)
         finest = fidelity.resolution
         weights, whole = (lobe_weights(terms.narrow, counted, finest) for counted in (parts.narrow, terms.narrow))
         tables, all_tables = ([CosineTable.of(level) for level in one.levels] for one in (weights, whole))

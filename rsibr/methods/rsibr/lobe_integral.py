@@ -1,8 +1,8 @@
 """Reflection integral of all lobes, term by term: the prediction P of `rsibr` and `rsibr-fine` for single points.
 
 A narrow Gaussian is an anisotropic footprint around the mirror direction, sampled along its long axis
-(`narrow_gaussians.py`). Wide ones are gathered once over normals and views (`wide_light.py`). A matte part is a lookup
-in an irradiance map, a delta lobe one in the environment.
+(`narrow_gaussians.py`). Wide ones are looked up in tables over normals and views (`view_nodes.py`). A matte part is a
+lookup in an irradiance map, a delta lobe one in the environment.
 
 P is an approximation. Its residual at the stored views is warped to the new view, so an error of P counts only as far
 as it changes from view to view.
@@ -21,9 +21,9 @@ from rsibr.light.radiance import Light
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.rsibr.anisotropic_footprint import ShadingFrame
-from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe
+from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe, mirror_of
 from rsibr.methods.rsibr.half_vector_pyramid import HalfVectorPyramid
-from rsibr.methods.rsibr.lobe_terms import Lobe, LobeTerms, albedo_at_nodes
+from rsibr.methods.rsibr.lobe_terms import Lobe, LobeTerms
 from rsibr.methods.rsibr.matte_light import MatteLight
 from rsibr.methods.rsibr.narrow_gaussians import NarrowGaussians
 from rsibr.methods.rsibr.polar_grid import PolarGrid
@@ -49,6 +49,8 @@ class LobeIntegral:
         Matte parts.
     mirror : (DeltaLobe, CosineTable) or None
         Delta lobe and its albedo.
+    nodes : ViewNodes or None
+        Tables of the wide Gaussians for single points, once `prepare_points` has made them.
     """
 
     environment: EnvironmentPyramid
@@ -80,8 +82,7 @@ class LobeIntegral:
         density : float
             Sampling density of a delta lobe: `EXACT` or `ROUGH`, see `DeltaLobe.of`.
         """
-        terms = LobeTerms.of(lobes)
-        parts = terms if part is None else LobeTerms.of(lobes, part)
+        terms, parts = LobeTerms.pair(lobes, part)
         return cls(
             environment=pyramid,
             narrow=NarrowGaussians.of(terms.narrow, parts.narrow, ratio=_RATIO),
@@ -162,13 +163,3 @@ class LobeIntegral:
             shading = ShadingFrame.of(world, mi.Vector3f(frame[0, 2], frame[1, 2], frame[2, 2]))
             radiance += self.narrow.radiance(shading, spacing, self.environment.blurred)
         return radiance
-
-
-def mirror_of(
-    lobes: Sequence[Lobe], pyramid: EnvironmentPyramid, light: Light, part: LobeShape | None, density: float
-) -> tuple[DeltaLobe, CosineTable] | None:
-    """Delta lobe and its albedo on the device; None if there is none, or it is not `part`."""
-    albedos = [albedo for shape, albedo in lobes if shape.is_mirror and part in (None, shape)]
-    if not albedos:
-        return None
-    return DeltaLobe.of(light, pyramid, density), CosineTable.of(albedo_at_nodes(albedos[0]))

@@ -104,6 +104,12 @@ class LobeTerms:
                 matte.append(MatteTerm(shape.matte, flat * scale))
         return cls(gaussians, matte)
 
+    @classmethod
+    def pair(cls, lobes: Sequence[Lobe], part: LobeShape | None) -> tuple[LobeTerms, LobeTerms]:
+        """Terms of `lobes`, which make the kernels, and the same with the shares that count: of all, or of `part`."""
+        terms = cls.of(lobes)
+        return terms, terms if part is None else cls.of(lobes, part)
+
     @property
     def narrow(self) -> list[GaussianTerm]:
         """Gaussians narrower than `WIDE`."""
@@ -117,5 +123,10 @@ class LobeTerms:
 
 def albedo_at_nodes(albedo: Array) -> Array:
     """Resample a table of directional albedo (`rsibr.lobes.albedo`) to the nodes of the moments, shape (NODES, 3)."""
-    place = np.sqrt(cosines())
-    return np.stack([np.interp(place, np.sqrt(node_cosines()), channel) for channel in albedo.T], axis=1)
+    return resampled(albedo, node_cosines(), cosines())
+
+
+def resampled(table: Array, nodes: Array, wanted: Array) -> Array:
+    """Values of a table (nodes, 3) at other cosines, linear in √cos θ, shape (wanted, 3)."""
+    place = np.sqrt(wanted)
+    return np.stack([np.interp(place, np.sqrt(nodes), channel) for channel in table.T], axis=1)

@@ -126,17 +126,13 @@ class NarrowGaussians:
 
 def _groups(terms: Sequence[GaussianTerm], members: list[int], ratio: float) -> list[list[int]]:
     """Indices of Gaussians that share a footprint: alike bare or coated, and within a ratio of their widths."""
+    ordered = sorted(members, key=lambda k: (terms[k].is_coated, terms[k].sigma))
+    if np.isinf(ratio):
+        return [ordered] if ordered else []
     groups: list[list[int]] = []
-    for k in sorted(members, key=lambda k: (terms[k].is_coated, terms[k].sigma)):
+    for k in ordered:
         first = terms[groups[-1][0]] if groups else None
-        if (np.isinf(ratio) and groups) or (
-            first is not None
-            and (first.is_coated, True)
-            == (
-                terms[k].is_coated,
-                terms[k].sigma <= ratio * first.sigma,
-            )
-        ):
+        if first and first.is_coated == terms[k].is_coated and terms[k].sigma <= ratio * first.sigma:
             groups[-1].append(k)
         else:
             groups.append([k])

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -19,8 +17,6 @@ SECTORS = 48
 NODES = (RINGS + 1) * SECTORS
 """Nodes of a grid; ring 0 is the centre, with `SECTORS` coincident nodes."""
 
-_V = TypeVar("_V")
-
 
 def node_normals(index: mi.UInt32) -> mi.Vector3f:
     """Normal at a node in the map's frame."""
@@ -29,20 +25,17 @@ def node_normals(index: mi.UInt32) -> mi.Vector3f:
     return mi.Vector3f(sine * c, sine * s, cosine)
 
 
-def interpolated(n: mi.Vector3f, *fetches: Callable[[mi.UInt32], _V]) -> list[_V]:
+def interpolated(nodes: mi.Float, n: mi.Vector3f, first: mi.UInt32 | int = 0) -> mi.Color3f:
     """Interpolate node values at normals in the map's frame, bilinearly in polar angle and azimuth.
 
     Parameters
     ----------
+    nodes : mi.Float
+        RGB0 of each node, of one grid or of several, flat.
     n : mi.Vector3f
         Unit normals, z ≥ 0.
-    *fetches : callable
-        Index of a node → its value; one callable for each quantity.
-
-    Returns
-    -------
-    list
-        Interpolated value of each quantity.
+    first : mi.UInt32 or int
+        Index of the first node of the grid.
     """
     # ---- Cell of the grid and position in it ----
     angle = dr.asin(dr.minimum(dr.sqrt(n.x * n.x + n.y * n.y), 1)) * (2 / np.pi * RINGS)
@@ -53,15 +46,13 @@ def interpolated(n: mi.Vector3f, *fetches: Callable[[mi.UInt32], _V]) -> list[_V
     following = dr.select(sector + 1 == SECTORS, 0, sector + 1)
 
     # ---- Bilinear interpolation ----
-    def between(fetch: Callable[[mi.UInt32], _V]) -> _V:
-        def along(ring: mi.UInt32) -> _V:
-            value: _V = dr.lerp(fetch(ring * SECTORS + sector), fetch(ring * SECTORS + following), around)
-            return value
+    def along(ring: mi.UInt32) -> mi.Vector4f:
+        start = first + ring * SECTORS
+        left, right = (dr.gather(mi.Vector4f, nodes, start + at) for at in (sector, following))
+        return dr.lerp(left, right, around)
 
-        value: _V = dr.lerp(along(ring), along(ring + 1), outward)
-        return value
-
-    return [between(fetch) for fetch in fetches]
+    value = dr.lerp(along(ring), along(ring + 1), outward)
+    return mi.Color3f(value.x, value.y, value.z)
 
 
 @dataclass(eq=False)
@@ -88,5 +79,4 @@ class PolarGrid:
 
     def lookup(self, n: mi.Vector3f) -> mi.Color3f:
         """Radiance [W sr⁻¹ m⁻²] at normals in the map's frame."""
-        (found,) = interpolated(n, lambda node: dr.gather(mi.Vector4f, self.nodes, node))
-        return mi.Color3f(found.x, found.y, found.z)
+        return interpolated(self.nodes, n)

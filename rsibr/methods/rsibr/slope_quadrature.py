@@ -13,13 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.refraction import refracted
 from rsibr.lobes.basis import COAT_IOR
 from rsibr.lobes.facet_moments import NODES, cosines
 from rsibr.lobes.microfacet import schlick
-from rsibr.lobes.visible_facets import seen_bare, seen_coated
+from rsibr.lobes.visible_facets import seen_bare, seen_coated, under_coat
 from rsibr.methods.rsibr.half_vector_pyramid import lookup_variances, texel_angle
-from rsibr.methods.rsibr.lobe_terms import GaussianTerm
+from rsibr.methods.rsibr.lobe_terms import GaussianTerm, resampled
 from rsibr.methods.rsibr.polar_grid import RINGS
 
 Array = NDArray[np.float64]
@@ -101,7 +100,8 @@ def _points(
         plain, grazing = _densities([term for term, _ in lobe], slopes, area)
         found = seen[..., None] * (plain + grazing * schlick(toward, np)[..., None])
         found /= np.maximum(found.sum(axis=1, keepdims=True), 1e-30)
-        weights += found * _at(cosine, sum((part.share for _, part in lobe), start=np.zeros((NODES, 3))))[:, None]
+        share = sum((part.share for _, part in lobe), start=np.zeros((NODES, 3)))
+        weights += found * resampled(share, cosines(), cosine)[:, None]
     # ---- Place in the half-vector map of the view: shading frame → frame of the view ----
     x = -cosine[:, None] * outer[..., 0] + sine[:, None] * outer[..., 2]
     z = sine[:, None] * outer[..., 0] + cosine[:, None] * outer[..., 2]
@@ -115,27 +115,15 @@ def _points(
     return places, levels, np.where(visible[..., None], weights, 0)
 
 
-def _at(cosine: Array, share: Array) -> Array:
-    """Share of the albedo at other cosines than its nodes."""
-    nodes = np.sqrt(cosines())
-    return np.stack([np.interp(np.sqrt(cosine), nodes, channel) for channel in share.T], axis=1)
-
-
 def _outward(viewer: Array, outer: Array, toward: Array, facet: Array) -> Array:
     """Solid angle of equivalent microfacets outside over that of microfacets under the coat.
 
     Both reflect into the same light: dω_i = 4 (h·v) dω_h on either side, and η² cos θ' dω' = cos θ dω through the coat.
     """
     light = np.maximum((2 * toward[..., None] * outer - viewer)[..., 2], 1e-3)
-    inner_light, inner_viewer = _below(light), _below(viewer[..., 2])
-    below = np.stack([viewer[..., 0] / COAT_IOR, 0 * inner_viewer, inner_viewer], axis=-1)
-    inner_toward = np.maximum((facet * below).sum(axis=-1), 1e-3)
+    inner_light = np.sqrt(1 - (1 - light**2) / COAT_IOR**2)  # Snell's law
+    inner_toward = np.maximum((facet * under_coat(viewer)).sum(axis=-1), 1e-3)
     return np.asarray(inner_toward * COAT_IOR**2 * inner_light / (light * toward))
-
-
-def _below(cosine: Array) -> Array:
-    """Cosine in the coat of a direction outside."""
-    return np.asarray(np.sqrt(refracted(np.sqrt(np.maximum(1 - cosine**2, 0)), 0.0, COAT_IOR)[2]))
 
 
 def _spiral(terms: Sequence[GaussianTerm], count: int) -> tuple[Array, Array]:

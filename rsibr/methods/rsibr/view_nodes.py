@@ -76,12 +76,6 @@ class ViewNodes:
             half = mirrored + view
             normal = half * dr.rsqrt(dr.maximum(dr.squared_norm(half), 1e-12))
             trusted = share * dr.maximum(dr.dot(normal, view), _LEAST_CONFIDENCE)
-            light += trusted * self._at(node, frame_of(view).T @ normal)
+            light += trusted * interpolated(self.light, frame_of(view).T @ normal, node * NODES)
             total += trusted
         return self.wide.share.colour(cosine) * light / total
-
-    def _at(self, node: mi.UInt32, local: mi.Vector3f) -> mi.Color3f:
-        """Mean light at a normal in a node's frame, bilinear on its polar grid."""
-        first = node * NODES
-        (mean,) = interpolated(local, lambda index: dr.gather(mi.Vector4f, self.light, first + index))
-        return mi.Color3f(mean.x, mean.y, mean.z)
