@@ -1,0 +1,1 @@
+"""Objects shaded from bakes: primary hits, safe normals, radiance per pixel, pictures."""

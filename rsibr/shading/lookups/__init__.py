@@ -1,0 +1,1 @@
+"""Ways to look up the radiance of a surface, one a file; each registers itself by name."""

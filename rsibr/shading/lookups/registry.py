@@ -1,0 +1,101 @@
+"""Registry of lookups: how the radiance of a surface is taken from a method, by name.
+
+A lookup registers itself in its own file, below `rsibr/shading/lookups/`; no other file refers to it by name.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
+from typing import Protocol, TypeVar
+
+import mitsuba as mi
+
+from rsibr.errors import InputError
+from rsibr.methods.protocol import Method
+from rsibr.shading.camera import Camera
+from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.surfaces import Surfaces
+
+Shade = Callable[["Surfaces"], "mi.Color3f"]
+"""Reflected radiance [W sr⁻¹ m⁻²] of surfaces, one a lane; traced inside the kernel of a picture."""
+
+
+class Lookup(Protocol):
+    """Radiance of the surfaces of one type from one method."""
+
+    def toward(self, camera: Camera) -> Shade:
+        """Prepare a picture: reconstruct the maps that it needs, and return the function that shades its surfaces.
+
+        All arrays that the function reads are evaluated when it is returned.
+        """
+        ...
+
+
+LookupFactory = Callable[["Method", "ObjectScene"], "Lookup"]
+_F = TypeVar("_F", bound=LookupFactory)
+
+_REGISTERED: dict[str, LookupRegistration] = {}
+
+
+@dataclass(frozen=True)
+class LookupRegistration:
+    """Entry of the registry.
+
+    Attributes
+    ----------
+    name : str
+        Name on the command line.
+    summary : str
+        Description in one line.
+    make : callable
+        (method, scene) → `Lookup`.
+    """
+
+    name: str
+    summary: str
+    make: LookupFactory
+
+
+def register_lookup(name: str, *, summary: str) -> Callable[[_F], _F]:
+    """Register a lookup; decorates its class, or a function that makes it."""
+
+    def decorate(make: _F) -> _F:
+        _REGISTERED[name] = LookupRegistration(name, summary, make)
+        return make
+
+    return decorate
+
+
+def lookups() -> dict[str, LookupRegistration]:
+    """All lookups by name."""
+    _discover()
+    return dict(_REGISTERED)
+
+
+def lookup_named(name: str) -> LookupRegistration:
+    """Registration of the lookup `name`.
+
+    Raises
+    ------
+    InputError
+        If no lookup has this name.
+    """
+    known = lookups()
+    if name not in known:
+        near = get_close_matches(name, known, 1)
+        meant = f"did you mean '{near[0]}'? " if near else ""
+        raise InputError(f"unknown lookup '{name}'", where="lookup", fix=f"{meant}there are: {', '.join(known)}")
+    return known[name]
+
+
+@cache
+def _discover() -> None:
+    """Import every module of this package, once; each registers its lookup."""
+    package = importlib.import_module(__package__ or "rsibr.shading.lookups")
+    for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+        importlib.import_module(module.name)

@@ -1,0 +1,62 @@
+"""Shapes of a scene by id, and the camera that came with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr import backend
+from rsibr.errors import InputError
+from rsibr.shading.camera import Camera
+
+
+@dataclass(eq=False)
+class ObjectScene:
+    """Shapes to shade.
+
+    Attributes
+    ----------
+    name : str
+        Name for messages and reports: the file's.
+    shapes : dict of str to mi.Shape
+        Shapes by their ids, with the BSDFs of the file.
+    camera : Camera or None
+        Camera of the file; None if it has none.
+    notes : tuple of str
+        What of the file is not used, in a sentence each.
+    """
+
+    name: str
+    shapes: dict[str, Any]
+    camera: Camera | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.shapes:
+            raise InputError("no shape to shade", where=self.name, fix="give a scene or a mesh with surfaces")
+
+    @cached_property
+    def geometry(self) -> mi.Scene:
+        """Mitsuba scene of the shapes alone."""
+        return backend.load({"type": "scene", **self.shapes})
+
+    @cached_property
+    def bounds(self) -> NDArray[np.float64]:
+        """Corners of the bounding box, shape (2, 3): least and greatest coordinates."""
+        box = self.geometry.bbox()
+        return np.array([box.min, box.max], dtype=np.float64).reshape(2, 3)
+
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        """Middle of the bounding box, shape (3,)."""
+        return np.asarray(self.bounds.mean(axis=0))
+
+    @property
+    def radius(self) -> float:
+        """Radius of the bounding box's circumscribed sphere."""
+        return float(np.linalg.norm(self.bounds[1] - self.bounds[0]) / 2)
