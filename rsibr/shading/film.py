@@ -112,13 +112,13 @@ def _sums(
         surfaces.hit &= kind < len(shades)
         return k + 1, sums.adding(surfaces, radiance)
 
-    _, sums = dr.while_loop(
+    sums: Sums = dr.while_loop(
         state=(mi.UInt32(0), dr.zeros(Sums, dr.width(pixel))),
         cond=lambda k, _: k < count,
         body=one_ray,
         labels=("ray", "sums"),
         label="rays_of_a_pixel",
-    )
+    )[1]
     return sums
 
 

@@ -1,4 +1,4 @@
-"""Render objects from bakes."""
+"""Renderer of a scene: everything that is prepared once for any number of pictures."""
 
 from __future__ import annotations
 
