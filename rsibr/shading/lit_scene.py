@@ -81,7 +81,7 @@ def require_one_light(bakes: Mapping[str, Bake]) -> None:
     """Raise an InputError unless all bakes were lit by the same environment."""
     first: tuple[str, object] | None = None
     for name, bake in bakes.items():
-        light = bake.manifest.identity["environment"]
+        light = bake.manifest.identity["environment"]["content"]
         if first is not None and light != first[1]:
             raise InputError(
                 f"the bakes of '{first[0]}' and '{name}' were lit by different environments",
