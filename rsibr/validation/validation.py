@@ -149,7 +149,7 @@ def validate(
         results.append(ViewResult(frame, reference, found, label, judge.at(frame) if judge else None))
     on_progress(len(chosen), len(chosen))
     before = {name: MethodStart(method_set[name].cost.prepare_seconds, compiled) for name, compiled in starts.items()}
-    validation = Validation(_summary(opened), results, exposures, health, opened.manifest.plan, before)
+    validation = Validation(bake_summary(opened), results, exposures, health, opened.manifest.plan, before)
     if out is not None:
         write_report(validation, Path(out))
     return validation
@@ -230,7 +230,8 @@ def _seed(bake: Bake) -> int:
     return int(bake.config["sampling"]["seed"])
 
 
-def _summary(bake: Bake) -> BakeSummary:
+def bake_summary(bake: Bake) -> BakeSummary:
+    """Contents and cost of a bake, for a report."""
     manifest = bake.manifest
     return BakeSummary(
         name=bake.path.stem,

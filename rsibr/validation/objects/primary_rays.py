@@ -56,18 +56,33 @@ class PrimaryRays:
 
     @cached_property
     def pixels(self) -> NDArray[np.uint32]:
-        """Numbers of the pixels in which a ray meets a surface with a bake, row by row from the top."""
-        return np.flatnonzero(self.layers.alpha).astype(np.uint32)
+        """Numbers of the pixels with `coverage`, row by row from the top."""
+        return np.flatnonzero(self.coverage).astype(np.uint32)
+
+    @property
+    def bent(self) -> NDArray[np.float32]:
+        """Share of a pixel's rays whose shading normal was bent to the horizon, shape (H, W): Mitsuba does not."""
+        return self._made_safe[0]
 
     @cached_property
-    def altered(self) -> NDArray[np.float32]:
-        """Share of a pixel's rays whose shading normal was bent or replaced, shape (H, W): Mitsuba keeps those."""
-        share = np.zeros(self.layers.alpha.size, dtype=np.float32)
+    def coverage(self) -> NDArray[np.float32]:
+        """Coverage of the pixels to be judged, shape (H, W): 0 where a shading normal was no direction.
+
+        Mitsuba's radiance is NaN at such a normal.
+        """
+        return np.where(self._made_safe[1] > 0, np.float32(0), self.layers.alpha)
+
+    @cached_property
+    def _made_safe(self) -> NDArray[np.float32]:
+        """Share of each pixel's rays with bent and with replaced normals, shape (2, H, W)."""
+        alpha = self.layers.alpha
+        covered = np.flatnonzero(alpha).astype(np.uint32)
+        share = np.zeros((2, alpha.size), dtype=np.float32)
         step = max(1, LANES_PER_LAUNCH // self.rays)
-        for first in range(0, len(self.pixels), step):
-            pixels = self.pixels[first : first + step]
-            share[pixels] = self._altered(to_device(mi.UInt32, pixels))
-        return share.reshape(self.layers.alpha.shape)
+        for first in range(0, len(covered), step):
+            part = covered[first : first + step]
+            share[:, part] = self._shares(to_device(mi.UInt32, part))
+        return share.reshape(2, *alpha.shape)
 
     def trace(self, pixel: mi.UInt32, place: mi.Point2f) -> tuple[mi.Ray3f, Surfaces, mi.UInt32]:
         """Trace rays to the first surfaces.
@@ -101,9 +116,10 @@ class PrimaryRays:
     def _steps(self) -> tuple[mi.Float, mi.Float]:
         return place_steps(self.rays)
 
-    def _altered(self, pixels: mi.UInt32) -> NDArray[np.float32]:
+    def _shares(self, pixels: mi.UInt32) -> NDArray[np.float32]:
         lane = dr.arange(mi.UInt32, dr.width(pixels) * self.rays)
         pixel = dr.gather(mi.UInt32, pixels, lane // self.rays)
         _, surfaces, kind = self.trace(pixel, self.place(lane % self.rays))
-        altered = (surfaces.bent | surfaces.replaced) & (kind < len(self.types.names))
-        return np.array(dr.block_sum(dr.select(altered, mi.Float(1), 0), self.rays)) / np.float32(self.rays)
+        counts = kind < len(self.types.names)
+        marks = [dr.select(counts & mark, mi.Float(1), 0) for mark in (surfaces.bent, surfaces.replaced)]
+        return np.stack([np.array(dr.block_sum(mark, self.rays)) for mark in marks]) / np.float32(self.rays)

@@ -92,7 +92,7 @@ class ObjectTruths:
         return lit_scene(self.primary.scene, self.primary.types, self.bakes, prepared=self.prepared)
 
     def _reference(self, estimator: Estimator, branch: int, all_over: bool = False) -> Reference:
-        pixels, alpha = self.primary.pixels, self.primary.layers.alpha
+        pixels, alpha = self.primary.pixels, self.primary.coverage
         seeds = np.random.SeedSequence(self.seed, spawn_key=(_BRANCH, branch))
         # ---- Compile ----
         start = time.perf_counter()
