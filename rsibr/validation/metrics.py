@@ -125,7 +125,8 @@ def compare(
     b = buffers.mean(axis=0)
 
     squared = (a - b) ** 2 / denominator(b)
-    all_channels, channels, by_zone = _relative_mse(a, buffers, _zones(judged) if zones is None else within(zones, judged))
+    judged_zones = _zones(judged) if zones is None else within(zones, judged)
+    all_channels, channels, by_zone = _relative_mse(a, buffers, judged_zones)
     perceived = _masked(flip_map(_only(reference.mean, judged), _only(candidate, judged), exposures), judged)
     return MapError(
         rel_mse=all_channels,
@@ -263,9 +264,7 @@ def _worst_texel(error: Array, judged: NDArray[np.bool_]) -> WorstTexel:
     return WorstTexel(s=(column + 0.5) / width, t=1.0 - (row + 0.5) / height, error=float(error[worst]))
 
 
-def within(
-    zones: Mapping[str, NDArray[np.bool_]], judged: NDArray[np.bool_]
-) -> dict[str, NDArray[np.bool_]]:
+def within(zones: Mapping[str, NDArray[np.bool_]], judged: NDArray[np.bool_]) -> dict[str, NDArray[np.bool_]]:
     """Which of the judged texels lie in each zone of an image."""
     return {name: inside[judged] for name, inside in zones.items()}
 

@@ -24,9 +24,7 @@ FLIP_SECONDS = 2e-6
 """Time of HDR-FLIP a pixel [s]."""
 
 
-def object_job(
-    primary: PrimaryRays, bakes: Mapping[str, Bake], methods: int, samples: int, buffers: int
-) -> JobSize:
+def object_job(primary: PrimaryRays, bakes: Mapping[str, Bake], methods: int, samples: int, buffers: int) -> JobSize:
     """Memory and time of an object's validation; time from the samples a second that the bakes reached.
 
     Parameters

@@ -101,10 +101,9 @@ def object_error(
     def metrics(b: Array, flip: Image) -> Array:
         """SMAPE, FLIP and energy ratio of each zone, shape (zones, 3)."""
         smape, perceived = smape_of_texels(a, b[judged]).mean(axis=1), flip[judged]
-        return np.array([
-            [smape[i].mean(), perceived[i].mean(), _or_nan(energy_ratio_of(a[i], b[judged][i], weights[i]))]
-            for i in inside.values()
-        ])
+        energy = [_or_nan(energy_ratio_of(a[i], b[judged][i], weights[i])) for i in inside.values()]
+        zones = inside.values()
+        return np.array([[smape[i].mean() for i in zones], [perceived[i].mean() for i in zones], energy]).T
 
     shown = _flip_against(picture, judged, exposures)
     whole = metrics(mean, found.flip_map)

@@ -62,7 +62,8 @@ class PrimaryRays:
     @property
     def bent(self) -> NDArray[np.float32]:
         """Share of a pixel's rays whose shading normal was bent to the horizon, shape (H, W): Mitsuba does not."""
-        return self._made_safe[0]
+        bent, _ = self._made_safe
+        return bent
 
     @cached_property
     def coverage(self) -> NDArray[np.float32]:
@@ -73,8 +74,8 @@ class PrimaryRays:
         return np.where(self._made_safe[1] > 0, np.float32(0), self.layers.alpha)
 
     @cached_property
-    def _made_safe(self) -> NDArray[np.float32]:
-        """Share of each pixel's rays with bent and with replaced normals, shape (2, H, W)."""
+    def _made_safe(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Share of each pixel's rays with bent and with replaced normals, shape (H, W) each."""
         alpha = self.layers.alpha
         covered = np.flatnonzero(alpha).astype(np.uint32)
         share = np.zeros((2, alpha.size), dtype=np.float32)
@@ -82,7 +83,8 @@ class PrimaryRays:
         for first in range(0, len(covered), step):
             part = covered[first : first + step]
             share[:, part] = self._shares(to_device(mi.UInt32, part))
-        return share.reshape(2, *alpha.shape)
+        bent, replaced = share.reshape(2, *alpha.shape)
+        return bent, replaced
 
     def trace(self, pixel: mi.UInt32, place: mi.Point2f) -> tuple[mi.Ray3f, Surfaces, mi.UInt32]:
         """Trace rays to the first surfaces.
@@ -122,4 +124,5 @@ class PrimaryRays:
         _, surfaces, kind = self.trace(pixel, self.place(lane % self.rays))
         counts = kind < len(self.types.names)
         marks = [dr.select(counts & mark, mi.Float(1), 0) for mark in (surfaces.bent, surfaces.replaced)]
-        return np.stack([np.array(dr.block_sum(mark, self.rays)) for mark in marks]) / np.float32(self.rays)
+        sums = np.array([np.array(dr.block_sum(mark, self.rays)) for mark in marks], dtype=np.float32)
+        return sums / np.float32(self.rays)

@@ -20,17 +20,15 @@ from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.store.bake import Bake
 from rsibr.validation.flip import exposures_for
 from rsibr.validation.objects.causes import Truths, causes_of
-from rsibr.validation.objects.job import object_job
+from rsibr.validation.objects.job import TRUTHS, object_job
 from rsibr.validation.objects.object_error import object_error
 from rsibr.validation.objects.primary_rays import PrimaryRays
 from rsibr.validation.objects.results import MethodPicture, ObjectValidation
 from rsibr.validation.objects.truths import ObjectTruths
 from rsibr.validation.objects.zones import zones_of
-from rsibr.validation.reference import MINIMUM_BUFFERS
+from rsibr.validation.reference import MINIMUM_BUFFERS, Reference
 from rsibr.validation.report.object_report import write_object_report
 from rsibr.validation.validation import DEFAULT_SAMPLES, bake_summary
-
-_TRUTHS = 5
 
 
 @backend.in_session
@@ -108,19 +106,21 @@ def validate_object(
     job.admit(None, allow_large)
     on_forecast(job)
     # ---- Truths ----
-    truths = _truths(primary, given, samples, buffers, lambda done: on_progress(done, _TRUTHS + len(names)))
+    truths = _truths(primary, given, samples, buffers, lambda done: on_progress(done, TRUTHS + len(names)))
     zones = zones_of(primary.layers, primary.camera)
     exposures = exposures_for(float(truths.open.mean[truths.open.coverage > 0].mean()))
     # ---- Pictures ----
     made: dict[str, MethodPicture] = {}
     options = {} if occlusion is None else {"occlusion": occlusion}
     for done, name in enumerate(names):
-        on_progress(_TRUTHS + done, _TRUTHS + len(names))
+        on_progress(TRUTHS + done, TRUTHS + len(names))
         picture, compile_seconds = _picture(ObjectRenderer(scene, given, name, lookup, **options), primary)
         radiance = _without_coverage(picture)
-        errors = [object_error(radiance, truth, zones, exposures, name) for truth in (truths.open, truths.full)]
-        made[name] = MethodPicture(picture, *errors, compile_seconds)
-    on_progress(_TRUTHS + len(names), _TRUTHS + len(names))
+        against_open, against_full = (
+            object_error(radiance, truth, zones, exposures, name) for truth in (truths.open, truths.full)
+        )
+        made[name] = MethodPicture(picture, against_open, against_full, compile_seconds)
+    on_progress(TRUTHS + len(names), TRUTHS + len(names))
     validation = ObjectValidation(
         scene=scene.name,
         camera=primary.camera,
@@ -145,11 +145,19 @@ def _truths(
 ) -> Truths:
     seed = int(next(iter(bakes.values())).config["sampling"]["seed"])
     truth = ObjectTruths(primary, bakes, prepared_scenes(bakes), samples, buffers, seed)
-    made = []
-    for step, make in enumerate((truth.open, truth.one_map, truth.shadowed, truth.full, truth.open_all_over)):
+
+    def made(step: int, make: Callable[[], Reference]) -> Reference:
         on_step(step)
-        made.append(make())
-    return Truths(*made, bent=primary.bent)
+        return make()
+
+    return Truths(
+        open=made(0, truth.open),
+        one_map=made(1, truth.one_map),
+        shadowed=made(2, truth.shadowed),
+        full=made(3, truth.full),
+        all_over=made(4, truth.open_all_over),
+        bent=primary.bent,
+    )
 
 
 def _picture(renderer: ObjectRenderer, primary: PrimaryRays) -> tuple[Picture, float]:

@@ -54,7 +54,7 @@ def write_object_report(validation: ObjectValidation, directory: Path) -> Path:
         document=document,
         drawn=drawn,
         definitions=definitions,
-        zone_colours={name: "#%02x%02x%02x" % colour for name, colour in _ZONE_COLOURS.items()},
+        zone_colours={name: "#{:02x}{:02x}{:02x}".format(*colour) for name, colour in _ZONE_COLOURS.items()},
     )
     write_atomic(directory / REPORT_NAME, page.encode())
     return directory / REPORT_NAME
