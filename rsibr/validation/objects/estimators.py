@@ -3,7 +3,8 @@
 Open shading is that of a sphere: a unit sphere under the environment is hit where its normal is the surface's, from the
 surface's view direction. A sphere is convex, so that nothing is hidden and no light bounces, and Mitsuba's `direct`
 integrates BSDF times environment with multiple importance sampling of both, delta lobes and delta lights included. It
-shares no code with the bake. The normal at the hit is within 1e-5 of that asked for at cosines above 0.03, 2e-4 at 1e-3.
+shares no code with the bake. The normal at the hit is within 1e-5 of that asked for at cosines above 0.03, and within
+2e-4 at 1e-3.
 """
 
 from __future__ import annotations

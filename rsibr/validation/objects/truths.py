@@ -72,11 +72,11 @@ class ObjectTruths:
 
     def shadowed(self) -> Reference:
         """Truth (b): shadows, no bounces; Mitsuba's `direct`."""
-        return self._reference(traced(self._lit, "direct", len(self.bakes)), 3)
+        return self._reference(traced(self._lit, "direct", len(self.prepared)), 3)
 
     def full(self) -> Reference:
         """Truth (c): shadows and bounces; Mitsuba's `path`."""
-        return self._reference(traced(self._lit, "path", len(self.bakes)), 4)
+        return self._reference(traced(self._lit, "path", len(self.prepared)), 4)
 
     @property
     def samples_of_buffer(self) -> int:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rsibr.shading.camera import Camera
 from rsibr.shading.object_scene import ObjectScene
@@ -20,7 +20,7 @@ SIDE = 256
 
 
 def object_camera(
-    scene: ObjectScene, position: Sequence[float] | None = None, resolution: tuple[int, int] | None = None
+    scene: ObjectScene, position: ArrayLike | None = None, resolution: tuple[int, int] | None = None
 ) -> Camera:
     """Camera for a scene: the given position, else the scene's camera, else one that frames the object.
 
@@ -28,7 +28,7 @@ def object_camera(
     ----------
     scene : ObjectScene
         Scene.
-    position : sequence of three float, optional
+    position : array_like, shape (3,), optional
         Position in world coordinates; it looks at the middle of the object.
     resolution : tuple of two int, optional
         Width and height [pixels].
