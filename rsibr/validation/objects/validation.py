@@ -105,16 +105,17 @@ def validate_object(
     job = object_job(primary, given, len(names), samples, buffers)
     job.admit(None, allow_large)
     on_forecast(job)
+    options = {} if occlusion is None else {"occlusion": occlusion}
+    renderers = {name: ObjectRenderer(scene, given, name, lookup, **options) for name in names}  # before hours of truth
     # ---- Truths ----
     truths = _truths(primary, given, samples, buffers, lambda done: on_progress(done, TRUTHS + len(names)))
     zones = zones_of(primary.layers, primary.camera)
     exposures = exposures_for(float(truths.open.mean[truths.open.coverage > 0].mean()))
     # ---- Pictures ----
     made: dict[str, MethodPicture] = {}
-    options = {} if occlusion is None else {"occlusion": occlusion}
-    for done, name in enumerate(names):
+    for done, (name, renderer) in enumerate(renderers.items()):
         on_progress(TRUTHS + done, TRUTHS + len(names))
-        picture, compile_seconds = _picture(ObjectRenderer(scene, given, name, lookup, **options), primary)
+        picture, compile_seconds = _picture(renderer, primary)
         radiance = _without_coverage(picture)
         against_open, against_full = (
             object_error(radiance, truth, zones, exposures, name) for truth in (truths.open, truths.full)

@@ -43,19 +43,20 @@ def zones_of(layers: Picture, camera: Camera) -> dict[str, Mask]:
         By `ZONES`: *silhouette* has a ray that misses, or a neighbour across an edge (`NORMAL_JUMP`, `DEPTH_JUMP`);
         of the other covered pixels, *curved* are those whose normal turns by `CURVED` or more to a neighbour.
     """
-    covered, turn = layers.alpha > 0, turns(layers)
-    silhouette = covered & ((layers.alpha < 1) | (turn >= NORMAL_JUMP) | _hides(layers, camera))
-    curved = covered & ~silhouette & (turn >= CURVED)
-    return dict(zip(ZONES, (silhouette, curved, covered & ~silhouette & ~curved), strict=True))
+    covered = layers.alpha > 0
+    silhouette = covered & ((layers.alpha < 1) | (turns(layers, covered) >= NORMAL_JUMP) | _hides(layers, camera))
+    inner = covered & ~silhouette  # normals at an edge are means of both of its sides: no curvature
+    curved = inner & (turns(layers, inner) >= CURVED)
+    return dict(zip(ZONES, (silhouette, curved, inner & ~curved), strict=True))
 
 
-def turns(layers: Picture) -> NDArray[np.float64]:
-    """Largest angle between the normals of a pixel and its four neighbours, shape (H, W) [rad]; 0 where uncovered."""
-    normal, covered = layers.normal.astype(np.float64), layers.alpha > 0
-    largest = np.zeros(covered.shape)
+def turns(layers: Picture, among: Mask) -> NDArray[np.float64]:
+    """Largest angle between the normals of a pixel and its four neighbours `among` which both are, shape (H, W) [rad]."""
+    normal = layers.normal.astype(np.float64)
+    largest = np.zeros(among.shape)
     for here, there in _NEIGHBOURS:
         chord = np.linalg.norm(normal[here] - normal[there], axis=-1)  # exact for small angles, unlike the arccosine
-        angle = np.where(covered[here] & covered[there], 2 * np.arcsin(np.minimum(chord / 2, 1)), 0)
+        angle = np.where(among[here] & among[there], 2 * np.arcsin(np.minimum(chord / 2, 1)), 0)
         for side in (here, there):
             largest[side] = np.maximum(largest[side], angle)
     return largest
