@@ -51,7 +51,7 @@ def zones_of(layers: Picture, camera: Camera) -> dict[str, Mask]:
 
 
 def turns(layers: Picture, among: Mask) -> NDArray[np.float64]:
-    """Largest angle between the normals of a pixel and its four neighbours `among` which both are, shape (H, W) [rad]."""
+    """Largest angle between the normals of a pixel and its four neighbours, both `among` those, shape (H, W) [rad]."""
     normal = layers.normal.astype(np.float64)
     largest = np.zeros(among.shape)
     for here, there in _NEIGHBOURS:
