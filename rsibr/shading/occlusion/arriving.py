@@ -76,7 +76,8 @@ class ArrivingLight:
         start = time.perf_counter()
         points = SurfacePoints.of(scene.shapes, types.of_shape)
         rays = int(np.clip(MOST_RAYS // max(len(points), 1), _FEWEST, RAYS))
-        groups = [_Group.of(points, types, index, one) for index, one in enumerate(inputs)]
+        lit = [(index, one) for index, one in enumerate(inputs) if one.bake.manifest.light is not None]
+        groups = [_Group.of(points, types, index, one) for index, one in lit]
         groups = [group for group in groups if group.rows.any()]
         plain, places = PointField.of(points, scene.shapes), {id(group): group.places(points, scene) for group in groups}
         sky = [gathered(scene.geometry, places[id(group)], group.sky, rays) for group in groups]
