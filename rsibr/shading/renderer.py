@@ -88,6 +88,11 @@ class ObjectRenderer:
         self.prepare_seconds = time.perf_counter() - start
 
     @property
+    def lookups(self) -> list[Lookup]:
+        """Lookup of each surface type: the one that was asked for, a pixel's own view if none was."""
+        return self.lookups_named("pixel" if self.lookup == "auto" else self.lookup)
+
+    @property
     def plan(self) -> ObjectPlan:
         """See the attributes."""
         if self._plan is None:
@@ -128,16 +133,20 @@ class ObjectRenderer:
 
     def shades(self, camera: Camera, plan: ObjectPlan) -> list[Shade]:
         """Shading of each surface type as a plan says, prepared for a camera."""
-        name = lookup_for(plan["perspective"], self.lookup)
-        if name not in self._lookups:
-            self._lookups[name] = [lookup_named(name).make(one, self.scene) for one in self.methods]
-        shades = [lookup.toward(camera) for lookup in self._lookups[name]]
+        lookups = self.lookups_named(lookup_for(plan["perspective"], self.lookup))
+        shades = [lookup.toward(camera) for lookup in lookups]
         if not plan["self_occlusion"].on:
             return shades
         bounces = BOUNCES if plan["interreflection"].on else 0
         if bounces not in self._occlusions:
             self._occlusions[bounces] = Occlusion.of(self.scene, self.types, self.inputs, bounces=bounces)
         return [self._occlusions[bounces].shading(shade, index) for index, shade in enumerate(shades)]
+
+    def lookups_named(self, name: str) -> list[Lookup]:
+        """Lookup of each surface type, made at first use."""
+        if name not in self._lookups:
+            self._lookups[name] = [lookup_named(name).make(one, self.scene) for one in self.methods]
+        return self._lookups[name]
 
     def _evidence_of(self, camera: Camera, rays: int) -> Evidence:
         return Evidence(self._evidence, camera, self.lookup, rays, self.switches)

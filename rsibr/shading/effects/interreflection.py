@@ -23,5 +23,7 @@ def interreflection(evidence: Evidence) -> Effect:
         error_if_left_out=min(1.0, mean_of(types, "error_without_bounces")),
     )  # fmt: skip
     if effect.on and not self_occlusion(evidence).on:
-        return replace(effect, on=False, why="nothing is hidden (self_occlusion is off), so that nothing takes its place")
+        return replace(
+            effect, on=False, why="nothing is hidden (self_occlusion is off), so that nothing takes its place"
+        )
     return effect

@@ -35,7 +35,9 @@ def spread(evidence: Evidence) -> float:
     if distance <= radius:
         return math.pi
     seen = math.asin(radius / distance)
-    half_diagonal = math.atan(math.hypot(1, evidence.camera.height / evidence.camera.width) * evidence.camera.half_width)
+    half_diagonal = math.atan(
+        math.hypot(1, evidence.camera.height / evidence.camera.width) * evidence.camera.half_width
+    )
     return min(seen, 2 * half_diagonal)
 
 

@@ -23,7 +23,7 @@ def self_occlusion(evidence: Evidence) -> Effect:
     dielectrics = [one for one in types if not one.is_metal]
     hidden = mean_of(types, "sky_hidden")
     effect = decided(
-        "self_occlusion", evidence.switch("self_occlusion"), hidden, HIDDEN, "of the sky hidden by the object, cosine-weighted",
+        "self_occlusion", evidence.switch("self_occlusion"), hidden, HIDDEN, "of the sky hidden by the object",
         f"matte part by vertex, dielectric gloss by a mirror ray: {_by_lobe(dielectrics or types)}",
         "the object hides next to nothing from itself", error_if_left_out=min(1.0, mean_of(types, "error_without")),
     )  # fmt: skip

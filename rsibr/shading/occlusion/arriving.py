@@ -13,8 +13,9 @@ from rsibr.methods.inputs import MethodInputs
 from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.occlusion.gathering import Irradiance, Places, gathered, ratio_of, reflected
 from rsibr.shading.occlusion.material_parts import MaterialParts
+from rsibr.shading.occlusion.point_field import PointField
 from rsibr.shading.occlusion.sky import Sky
-from rsibr.shading.occlusion.surface_points import PointField, SurfacePoints
+from rsibr.shading.occlusion.surface_points import SurfacePoints
 from rsibr.shading.surface_types import SurfaceTypes
 
 RAYS = 256
@@ -74,12 +75,15 @@ class ArrivingLight:
             Reflections between surfaces that are followed.
         """
         start = time.perf_counter()
-        points = SurfacePoints.of(scene.shapes, types.of_shape)
+        points = SurfacePoints.of(scene.shapes, types.of_shape, scene.radius)
         rays = int(np.clip(MOST_RAYS // max(len(points), 1), _FEWEST, RAYS))
         lit = [(index, one) for index, one in enumerate(inputs) if one.bake.manifest.light is not None]
         groups = [_Group.of(points, types, index, one) for index, one in lit]
         groups = [group for group in groups if group.rows.any()]
-        plain, places = PointField.of(points, scene.shapes), {id(group): group.places(points, scene) for group in groups}
+        plain, places = (
+            PointField.of(points, scene.shapes),
+            {id(group): group.places(points, scene) for group in groups},
+        )
         sky = [gathered(scene.geometry, places[id(group)], group.sky, rays) for group in groups]
         bounced: list[NDArray[np.float64]] = [np.zeros_like(one.past) for one in sky]
         for _ in range(bounces):
@@ -123,4 +127,3 @@ def _exitant(
     for group, light, more in zip(groups, sky, bounced, strict=True):
         values[group.rows] = group.albedo * (light.past + more) / np.pi
     return values
-

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import drjit as dr
 import mitsuba as mi
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from rsibr.baking.lattice import generator
 from rsibr.geometry.to_device import to_device
+from rsibr.shading.occlusion.point_field import PointField
 from rsibr.shading.occlusion.sky import Sky
-from rsibr.shading.occlusion.surface_points import PointField
 
 LANES = 2**18
 """Points of one kernel launch."""
@@ -96,9 +96,8 @@ def _gathered(
     lanes = dr.width(places.p)
     pattern = _Pattern.of(rays, lanes, number)
     frame, count = mi.Frame3f(places.n), dr.opaque(mi.UInt32, rays)
-    State = tuple[mi.UInt32, mi.Color3f, mi.Color3f, mi.Float]
 
-    def even(k: mi.UInt32, bare: mi.Color3f, past: mi.Color3f, stopped: mi.Float) -> State:
+    def even(k: mi.UInt32, bare: mi.Color3f, past: mi.Color3f, stopped: mi.Float) -> tuple[Any, ...]:
         d = frame.to_world(pattern.direction(k))
         hidden = scene.ray_test(mi.Ray3f(places.p, d))
         radiance = sky.even.fetch(d, mi.UInt32(0))
@@ -121,8 +120,8 @@ def _gathered(
         hidden = scene.ray_test(mi.Ray3f(places.p, d), active=above)
         return k + 1, bare + power, past + dr.select(hidden, 0, power)
 
-    state = (mi.UInt32(0), bare * scale, past * scale)
-    _, bare, past = dr.while_loop(state, lambda k, *_: k < sky.count, lit, label="source_rays")
+    lit_so_far = (mi.UInt32(0), bare * scale, past * scale)
+    _, bare, past = dr.while_loop(lit_so_far, lambda k, *_: k < sky.count, lit, label="source_rays")
     dr.eval(bare, past, stopped)
     return bare, past, stopped
 
@@ -137,22 +136,23 @@ def reflected(scene: mi.Scene, places: list[Places], exitant: PointField, rays: 
     exitant : PointField
         Radiance that each surface reflects, the same in all directions [W sr⁻¹ m⁻²].
     """
-    count, found = dr.opaque(mi.UInt32, rays), []
-    for number, part in enumerate(places):
-        pattern, frame = _Pattern.of(rays, dr.width(part.p), number), mi.Frame3f(part.n)
+    found = [_reflected(scene, part, exitant, rays, number) for number, part in enumerate(places)]
+    return np.concatenate([np.zeros((0, 3)), *found])
 
-        def add(
-            k: mi.UInt32, total: mi.Color3f, *, pattern: _Pattern = pattern, frame: mi.Frame3f = frame, p: mi.Point3f = part.p
-        ) -> tuple[mi.UInt32, mi.Color3f]:
-            met = scene.ray_intersect_preliminary(mi.Ray3f(p, frame.to_world(pattern.direction(k))))
-            shape = dr.reinterpret_array(mi.UInt32, met.shape)
-            return k + 1, total + exitant.at(shape, met.prim_index, met.prim_uv, met.is_valid(), 0)
 
-        state = (mi.UInt32(0), dr.zeros(mi.Color3f, dr.width(part.p)))
-        _, total = dr.while_loop(state, lambda k, _: k < count, add, label="bounce_rays")
-        dr.eval(total)
-        found.append(np.array(total, np.float64).T * (np.pi / rays))
-    return np.concatenate(found) if found else np.zeros((0, 3))
+def _reflected(scene: mi.Scene, places: Places, exitant: PointField, rays: int, number: int) -> NDArray[np.float64]:
+    lanes = dr.width(places.p)
+    pattern, frame = _Pattern.of(rays, lanes, number), mi.Frame3f(places.n)
+    count = dr.opaque(mi.UInt32, rays)
+
+    def add(k: mi.UInt32, total: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f]:
+        ray = mi.Ray3f(places.p, frame.to_world(pattern.direction(k)))
+        met = scene.ray_intersect_preliminary(ray)
+        return k + 1, total + exitant.met(ray, met, mi.Bool(True))
+
+    state = (mi.UInt32(0), dr.zeros(mi.Color3f, lanes))
+    _, total = dr.while_loop(state, lambda k, _: k < count, add, label="bounce_rays")
+    return np.asarray(np.array(total, np.float64).T * (np.pi / rays))
 
 
 @dataclass(eq=False)
@@ -166,10 +166,10 @@ class _Pattern:
     @classmethod
     def of(cls, rays: int, lanes: int, number: int) -> _Pattern:
         random = mi.PCG32(lanes, initseq=dr.arange(mi.UInt64, lanes) + number * LANES)
-        steps = (dr.opaque(mi.Float, value / rays) for value in (1, generator(rays).texel[1]))
+        across, down = (dr.opaque(mi.Float, value / rays) for value in (1, generator(rays).texel[1]))
         shift = mi.Point2f(random.next_float32(), random.next_float32())
         dr.eval(shift)
-        return cls(*steps, shift)
+        return cls(across, down, shift)
 
     def direction(self, k: mi.UInt32) -> mi.Vector3f:
         """Direction of ray k in the frame of the normal."""
@@ -184,5 +184,7 @@ def _columns(rows: NDArray[np.float32]) -> list[mi.Float]:
 def ratio_of(light: Irradiance, bounced: NDArray[np.float64] | float = 0.0) -> NDArray[np.float32]:
     """Ratio of the irradiance that arrives to that under the open sky, shape (N, 3); 1 where there is none to hide."""
     arriving = light.past + bounced
-    ratio = np.divide(arriving, light.open, out=np.ones_like(light.open), where=light.open > 1e-9 * light.open.max(initial=0))
+    ratio = np.divide(
+        arriving, light.open, out=np.ones_like(light.open), where=light.open > 1e-9 * light.open.max(initial=0)
+    )
     return cast("NDArray[np.float32]", ratio.astype(np.float32))

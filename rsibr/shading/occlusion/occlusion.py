@@ -1,4 +1,4 @@
-"""Occlusion of an object by itself, around any lookup: matte part by vertex, dielectric gloss by one mirror ray.
+"""Occlusion of an object by itself, around any lookup: matte part by ratios at points, gloss by one mirror ray.
 
     L = ρ L_matte + (L_open − L_matte)                       where the mirror ray escapes
     L = ρ L_matte + E_gloss(cos θ) · L_met                   where it meets the object
@@ -66,7 +66,7 @@ class Occlusion:
         parts = [MaterialParts.of(one) for one in inputs]
         return cls(scene.geometry, arriving, parts, dr.opaque(mi.Float, _LIFT * scene.radius), gloss)
 
-    def shading(self, shade: Shade, type: int) -> Shade:  # noqa: A002  # the word of `SurfaceTypes`
+    def shading(self, shade: Shade, type: int) -> Shade:
         """Shading of one surface type past the other surfaces.
 
         Parameters
@@ -98,7 +98,6 @@ class Occlusion:
         d = mi.reflect(surfaces.v, surfaces.n)
         above = surfaces.hit & (dr.dot(d, surfaces.facing) > 0)
         start = surfaces.p + self.lift * surfaces.facing
-        met = self.geometry.ray_intersect_preliminary(mi.Ray3f(start, d), active=above)
-        hit = above & met.is_valid()
-        shape = dr.reinterpret_array(mi.UInt32, met.shape)
-        return dr.select(hit, albedo * self.arriving.exitant.at(shape, met.prim_index, met.prim_uv, hit, 0), gloss)
+        ray = mi.Ray3f(start, d)
+        met = self.geometry.ray_intersect_preliminary(ray, active=above)
+        return dr.select(above & met.is_valid(), albedo * self.arriving.exitant.met(ray, met, above), gloss)

@@ -15,7 +15,7 @@ from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 
 BRIGHT = 8.0
-"""Radiance over the sky's mean from which the rest counts as a source: rays about the normal would miss it by chance."""
+"""Radiance over the sky's mean above which it is a source: rays about the normal would meet it by chance."""
 
 MOST_SOURCES = 64
 """Directions that stand for the bright part; each carries the same power."""
@@ -74,7 +74,7 @@ class Sky:
 
 
 def _drawn(bright: NDArray[np.float64], solid: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Directions by systematic sampling of the texels, block by block; each carries the irradiance of its neighbours."""
+    """Directions by systematic sampling of the texels; each carries the irradiance of its neighbours."""
     flux = (bright * solid[..., None]).reshape(-1, 3)
     order = _by_blocks(len(bright))
     power = np.cumsum(flux.mean(axis=1)[order])
@@ -82,7 +82,8 @@ def _drawn(bright: NDArray[np.float64], solid: NDArray[np.float64]) -> tuple[NDA
     chosen = np.unique(np.searchsorted(power, middles).clip(max=len(order) - 1))
     owner = np.searchsorted((power[chosen][1:] + power[chosen][:-1]) / 2, power)
     irradiance = np.stack([np.bincount(owner, flux[order, c], len(chosen)) for c in range(3)], axis=1)
-    return np.array(texel_directions(len(bright)), np.float64).T[order[chosen]], irradiance
+    directions = np.array(texel_directions(len(bright)), np.float64).T[order[chosen]]
+    return directions, np.asarray(irradiance, np.float64)
 
 
 def _by_blocks(size: int) -> NDArray[np.int64]:

@@ -1,38 +1,48 @@
-"""Points of the surface at which irradiance is gathered: the vertices of meshes, and where each triangle finds them."""
+"""Points of the surface at which irradiance is gathered: vertices of fine meshes, grids in triangles of coarse ones.
+
+Shapes that are not meshes (spheres, disks, cylinders) have the square of their parameters cut into two triangles.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.geometry.to_device import to_device
-from rsibr.shading.surfaces import Surfaces
+from rsibr.shading.occlusion.triangle_grid import grid_corners, grid_places
 
-NO_POINTS = 2**32 - 1
-"""Offset of a shape without points."""
+Array = NDArray[np.float64]
 
-_INWARD = 0.02  # how far corners of flat triangles move to the middle, off the edges where two faces meet
+SPACING = 0.02
+"""Distance between points over the radius of the scene that a coarse mesh is refined to."""
+
+MOST_REFINED = 2**17
+"""Points of a scene up to which coarse meshes are refined."""
+
+MOST_STEPS = 96
+"""Steps along an edge of a triangle, at most."""
+
+_INWARD = 2e-3  # how far the points of flat triangles move to the middle, off the edges where two faces meet
 
 
 @dataclass(frozen=True, eq=False)
 class SurfacePoints:
-    """Points of all meshes of a scene.
+    """Points of all shapes with a bake.
 
     Attributes
     ----------
     positions, normals : ndarray, shape (N, 3), float32
         World coordinates; unit normals.
     corners : ndarray, shape (F, 3), uint32
-        Points of each triangle, those of all meshes in one list.
-    first_triangle, first_point : dict of str to int
-        Row of a shape's first triangle in `corners`, and of its first point, by shape id. Shapes that are not meshes
-        are absent.
+        Points of each small triangle, those of all shapes in one list.
+    first_triangle, first_point, steps : dict of str to int
+        By shape id: first row in `corners`; first point; steps along an edge of its triangles, see `triangle_grid`.
+        Shapes without points are absent.
     """
 
     positions: NDArray[np.float32]
@@ -40,23 +50,27 @@ class SurfacePoints:
     corners: NDArray[np.uint32]
     first_triangle: dict[str, int]
     first_point: dict[str, int]
+    steps: dict[str, int]
 
     @classmethod
-    def of(cls, shapes: Mapping[str, Any], names: Iterable[str]) -> SurfacePoints:
-        """Collect the points of those of the shapes `names` that are meshes."""
-        positions, normals, corners = [np.zeros((0, 3), np.float32)], [np.zeros((0, 3), np.float32)], []
-        first, first_point, points, triangles = dict[str, int](), dict[str, int](), 0, 0
-        for name in names:
-            if not isinstance(shapes[name], mi.Mesh) or not shapes[name].face_count():
+    def of(cls, shapes: Mapping[str, Any], names: Iterable[str], radius: float) -> SurfacePoints:
+        """Choose the points of the shapes `names` in a scene of a radius."""
+        positions, normals, corners = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros((0, 3), np.uint32)]
+        first_triangle, first_point, steps = dict[str, int](), dict[str, int](), dict[str, int]()
+        chosen = list(names)
+        points, triangles, most = 0, 0, MOST_REFINED // max(len(chosen), 1)
+        for name in chosen:
+            found = _points_of(shapes[name], SPACING * radius, most)
+            if found is None:
                 continue
-            where, n, faces = _points_of(shapes[name])
-            first[name], first_point[name] = triangles, points
+            where, n, faces, steps[name] = found
+            first_triangle[name], first_point[name] = triangles, points
             positions.append(where)
             normals.append(n)
             corners.append(faces + np.uint32(points))
             points, triangles = points + len(where), triangles + len(faces)
-        whole = np.concatenate([np.zeros((0, 3), np.uint32), *corners])
-        return cls(np.concatenate(positions), np.concatenate(normals), whole, first, first_point)
+        p, n = np.concatenate(positions).astype(np.float32), np.concatenate(normals).astype(np.float32)
+        return cls(p, n, np.concatenate(corners).astype(np.uint32), first_triangle, first_point, steps)
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -68,98 +82,83 @@ class SurfacePoints:
             yield name, slice(start, end)
 
 
-def _points_of(mesh: mi.Mesh) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint32]]:
-    """Positions, unit normals, and the points of each triangle: its vertices, or three of its own if it is flat."""
-    parameters = mi.traverse(mesh)
-    positions = np.array(parameters["vertex_positions"], np.float32).reshape(-1, 3)
+_Points = tuple[Array, Array, NDArray[np.uint32], int]
+"""Positions, normals, points of each small triangle, steps along an edge."""
+
+
+def _points_of(shape: Any, spacing: float, most: int) -> _Points | None:
+    if not isinstance(shape, mi.Mesh):
+        return _on_square(shape, most)
+    if not shape.face_count():
+        return None
+    parameters = mi.traverse(shape)
+    positions = np.array(parameters["vertex_positions"], np.float64).reshape(-1, 3)
     faces = np.array(parameters["faces"], np.uint32).reshape(-1, 3)
-    positions = np.where(np.isfinite(positions), positions, 0).astype(np.float32)
-    triangles = positions[faces].astype(np.float64)
+    positions = np.where(np.isfinite(positions), positions, 0)
+    triangles = positions[faces]
     flat = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    if mesh.has_vertex_normals() and not mesh.has_face_normals():
-        given = np.array(parameters["vertex_normals"], np.float64).reshape(-1, 3)
-        return positions, _safe_normals(given, flat, faces), faces
-    middle = triangles.mean(axis=1, keepdims=True)
-    inside = (triangles + _INWARD * (middle - triangles)).reshape(-1, 3)
-    n = np.repeat(_unit(flat), 3, axis=0)
-    return inside.astype(np.float32), n.astype(np.float32), np.arange(len(inside), dtype=np.uint32).reshape(-1, 3)
+    steps = _steps(triangles, flat, spacing, most)
+    if not shape.has_vertex_normals() or shape.has_face_normals():
+        inside = triangles + _INWARD * (triangles.mean(axis=1, keepdims=True) - triangles)
+        return _refined(inside, np.repeat(_unit(flat)[:, None], 3, axis=1), steps)
+    given = np.array(parameters["vertex_normals"], np.float64).reshape(-1, 3)
+    normals = _safe_normals(given, flat, faces)
+    if steps == 1:
+        return positions, normals, faces, 1
+    return _refined(triangles, normals[faces], steps)
 
 
-def _safe_normals(given: NDArray[np.float64], flat: NDArray[np.float64], faces: NDArray[np.uint32]) -> Any:
+def _steps(triangles: Array, flat: Array, spacing: float, most: int) -> int:
+    """Steps along an edge that bring points to a spacing, on average over the area, with so many points at most."""
+    area = np.linalg.norm(flat, axis=1)
+    edges = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
+    edge = float((area * edges).sum() / max(area.sum(), 1e-300))
+    wanted = math.ceil(min(edge / max(spacing, 1e-300), MOST_STEPS) - 1e-6)
+    return max(1, min(wanted, math.isqrt(2 * most // len(triangles))))
+
+
+def _refined(triangles: Array, normals: Array, steps: int) -> _Points:
+    """Points on a grid in each triangle, (F, 3, 3); normals are interpolated."""
+    place = grid_places(steps)
+    weights = np.stack([1 - place.sum(axis=1), place[:, 0], place[:, 1]], axis=1)
+    where = np.einsum("gk,fkc->fgc", weights, triangles)
+    n = np.einsum("gk,fkc->fgc", weights, normals)
+    first = np.arange(len(triangles), dtype=np.uint32)[:, None, None] * np.uint32(len(place))
+    corners = (first + grid_corners(steps)[None]).reshape(-1, 3)
+    return where.reshape(-1, 3), _unit(n.reshape(-1, 3)), corners, steps
+
+
+def _on_square(shape: Any, most: int) -> _Points | None:
+    """Points over the square of the parameters (u, v), as two triangles; None for a shape without parameters."""
+    steps = max(1, min(MOST_STEPS, math.isqrt(most)))
+    lower = grid_places(steps)
+    uv = np.concatenate([lower, 1 - lower])
+    inner = np.clip(uv, 1e-4, 1 - 1e-4)  # poles and seams have no normal
+    try:
+        at = shape.eval_parameterization(mi.Point2f(*inner.T.astype(np.float32)))
+    except (RuntimeError, NotImplementedError):
+        return None
+    where, n = (np.array(rows, np.float64).reshape(3, -1).T for rows in (at.p, at.n))
+    if len(where) != len(uv) or not np.isfinite(where).all():
+        return None
+    corners = grid_corners(steps)
+    both = np.concatenate([corners, corners + np.uint32(len(lower))])
+    return where, _unit(np.broadcast_to(n, where.shape)), both, steps
+
+
+def _safe_normals(given: Array, flat: Array, faces: NDArray[np.uint32]) -> Array:
     """Unit vertex normals; zero and NaN ones are replaced by those of the adjacent faces, by area."""
     length = np.linalg.norm(given, axis=1)
     bad = ~(np.isfinite(length) & (length > 0.1))
     if bad.any():
         summed = np.zeros_like(given)
-        np.add.at(summed, faces.ravel(), np.repeat(np.nan_to_num(flat), 3, axis=0))
+        np.add.at(summed, faces.ravel(), np.repeat(flat, 3, axis=0))
         given = np.where(bad[:, None], summed, given)
-    return _unit(given).astype(np.float32)
+    return _unit(given)
 
 
-def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit(vectors: Array) -> Array:
     """Unit vectors; +z where there is no direction."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     good = np.isfinite(length) & (length > 1e-30)
     return np.where(good, vectors / np.where(good, length, 1), [0.0, 0.0, 1.0])
-
-
-@dataclass(eq=False)
-class PointField:
-    """Colours at the points of the surface, interpolated linearly in each triangle.
-
-    Attributes
-    ----------
-    offsets : mi.UInt32
-        First triangle of each shape by its number in Mitsuba's registry; `NO_POINTS` if it has none.
-    corners : mi.UInt32
-        Points of each triangle, flat.
-    values : mi.Float
-        Four floats a point, flat; the fourth is not used.
-    """
-
-    offsets: mi.UInt32
-    corners: mi.UInt32
-    values: mi.Float
-
-    @classmethod
-    def of(cls, points: SurfacePoints, shapes: Mapping[str, Any]) -> PointField:
-        """Field with the value 1 everywhere."""
-        numbers = {name: int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for name, shape in shapes.items()}
-        offsets = np.full(max(numbers.values()) + 1, NO_POINTS, np.uint32)
-        for name, first in points.first_triangle.items():
-            offsets[numbers[name]] = first
-        corners = points.corners if len(points.corners) else np.zeros((1, 3), np.uint32)
-        ones = np.ones((max(len(points), 1), 4), np.float32)
-        return cls(to_device(mi.UInt32, offsets), to_device(mi.UInt32, corners), to_device(mi.Float, ones))
-
-    def holding(self, values: NDArray[np.float32]) -> PointField:
-        """Field with the same points and other values, shape (N, 3)."""
-        padded = np.zeros((max(len(values), 1), 4), np.float32)
-        padded[: len(values), :3] = values
-        return PointField(self.offsets, self.corners, to_device(mi.Float, padded))
-
-    def at(
-        self, shape: mi.UInt32, triangle: mi.UInt32, barycentric: mi.Point2f, active: mi.Bool, otherwise: float
-    ) -> mi.Color3f:
-        """Value at a place of a triangle; `otherwise` on shapes without points and in inactive lanes.
-
-        Parameters
-        ----------
-        shape, triangle, barycentric
-            See `Surfaces`.
-        active : mi.Bool
-            Lanes with a surface.
-        otherwise : float
-            Value elsewhere.
-        """
-        first = dr.gather(mi.UInt32, self.offsets, shape, active)
-        there = active & (first != NO_POINTS)
-        x, y, z = (dr.gather(mi.UInt32, self.corners, 3 * (first + triangle) + k, there) for k in range(3))
-        a, b, c = (dr.gather(mi.Vector4f, self.values, point, there) for point in (x, y, z))
-        mixed = a * (1 - barycentric.x - barycentric.y) + b * barycentric.x + c * barycentric.y
-        return dr.select(there, mi.Color3f(mixed.x, mixed.y, mixed.z), otherwise)
-
-    def on(self, surfaces: Surfaces, otherwise: float) -> mi.Color3f:
-        """Value at surfaces that are seen from the side of their normals; `otherwise` on the other side."""
-        outer = surfaces.hit & (surfaces.flipped == surfaces.is_back)
-        return self.at(surfaces.shape, surfaces.triangle, surfaces.barycentric, outer, otherwise)
