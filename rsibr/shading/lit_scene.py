@@ -7,7 +7,6 @@ from typing import Any
 
 import mitsuba as mi
 
-from rsibr import backend
 from rsibr.baking.scene import Scene
 from rsibr.errors import BakeError, InputError
 from rsibr.shading.object_scene import ObjectScene
@@ -43,7 +42,7 @@ def lit_scene(
     for name, index in types.of_shape.items():
         scene.shapes[name].set_bsdf(prepared[index].material.bsdf())
     emitter = prepared[0].environment.emitter()
-    return backend.load({"type": "scene", **scene.shapes, "environment": emitter, **(extra or {})})
+    return scene.loaded({"environment": emitter, **(extra or {})})
 
 
 def require_one_light(bakes: Mapping[str, Bake]) -> None:
