@@ -9,7 +9,8 @@ from __future__ import annotations
 import logging
 import re
 import warnings
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ SUFFIXES = (".ply", ".obj", ".gltf", ".glb", ".stl")
 _MEMORY_PER_BYTE = {".ply": 40, ".obj": 30, ".gltf": 40, ".glb": 40, ".stl": 25}
 """Memory at the peak of reading and repair, over the size of the file."""
 
+_NAMELESS = re.compile(r"(geometry(_\d+)?)?")  # what trimesh calls a part without a name
 _LINES = re.compile(r"^(o|usemtl)[ \t]+(.*?)[ \t\r]*$", re.MULTILINE)
 
 
@@ -126,7 +128,8 @@ def _triangle_meshes(path: Path, content: bytes) -> Iterator[tuple[str, Triangle
 
     scene, names = _parsed(path, content)
     taken: set[str] = set()
-    for node in scene.graph.nodes_geometry:
+    nodes = list(scene.graph.nodes_geometry)
+    for node in reversed(nodes) if path.suffix.lower() == ".obj" else nodes:  # in the order of the file
         matrix, key = scene.graph[node]
         geometry = scene.geometry[key]
         if isinstance(geometry, trimesh.Trimesh):
@@ -141,10 +144,11 @@ def _parsed(path: Path, content: bytes) -> tuple[Any, dict[str, str]]:
     """Scene of trimesh, and the names of its geometries where they are not its keys."""
     import trimesh  # noqa: PLC0415
 
-    kind, names, options = path.suffix.lower()[1:], {}, {"skip_materials": True}
+    kind = path.suffix.lower()[1:]
+    options, parts = {"skip_materials": True}, {}
     resolver: Any = _BelowFolder(path)
     if kind == "obj":
-        content, materials, names = _named_parts(content)
+        content, materials, parts = _split_by_material(content)
         resolver, options = {"materials": materials}, {"split_objects": True}
     if kind == "stl":
         options = {}
@@ -163,9 +167,8 @@ def _parsed(path: Path, content: bytes) -> tuple[Any, dict[str, str]]:
         reason = "" if not isinstance(error, NotImplementedError) else f": {error}"
         what = f"it is no {kind.upper()} file that can be read, or damaged{reason}"
         raise InputError(what, where=str(path), fix="export it anew") from None
-    if len(scene.geometry) == 1 and kind in ("ply", "stl"):
-        names = dict.fromkeys(scene.geometry, path.stem)
-    return scene, names
+    unnamed = {key: path.stem for key in scene.geometry if kind in ("ply", "stl") or _NAMELESS.fullmatch(key)}
+    return scene, unnamed | _obj_names(scene.geometry, parts)
 
 
 class _quiet:  # noqa: N801  # named like the context managers of contextlib
@@ -212,27 +215,33 @@ class _BelowFolder:
         return self
 
 
-def _named_parts(content: bytes) -> tuple[bytes, bytes, dict[str, str]]:
-    """OBJ whose parts trimesh splits by object and material, a library of its materials, and the names of the parts.
+def _split_by_material(content: bytes) -> tuple[bytes, bytes, dict[str, tuple[str, str]]]:
+    """OBJ that trimesh splits by object and material, a library of its materials, and object and material by part.
 
     The library holds names only. No file is opened for it: trimesh takes materials apart only if it finds them.
     """
     text = content.decode("utf-8", errors="replace")
     lines = _LINES.findall(text)
-    objects = list(dict.fromkeys(name for kind, name in lines if kind == "o"))
     materials = list(dict.fromkeys(name for kind, name in lines if kind == "usemtl"))
-    names: dict[str, str] = {}
-    pairs: set[tuple[str, str]] = set()
-    current, material = "", ""
+    parts: dict[str, tuple[str, str]] = {}
+    one, of = "", ""
     for kind, name in lines:
-        current, material = (name, material) if kind == "o" else (current, name)
-        pairs.add((current, material))
-    for one, of in pairs:
-        alone = sum(other == one and bool(with_) for other, with_ in pairs) <= 1
-        names[f"{one}_{of}"] = of if len(objects) <= 1 and of else one if alone else f"{one}-{of}"
+        one, of = (name, of) if kind == "o" else (one, name)
+        parts["_".join(filter(None, (one, of if len(materials) > 1 else "")))] = one, of
     library = "".join(f"newmtl {name}\n" for name in materials)
     without = re.sub(r"^mtllib.*$", "", text, flags=re.MULTILINE)
-    return f"mtllib materials\n{without}".encode(), library.encode(), names
+    return f"mtllib materials\n{without}".encode(), library.encode(), parts
+
+
+def _obj_names(keys: Iterable[str], parts: dict[str, tuple[str, str]]) -> dict[str, str]:
+    """Names of the parts of an OBJ: object, material, or both where an object has several materials."""
+    present = {key: parts[key] for key in keys if key in parts}
+    by_object = Counter(one for one, _ in present.values())
+    names = {}
+    for key, (one, of) in present.items():
+        is_one_object = len(by_object) == 1 and of
+        names[key] = of if is_one_object else one if by_object[one] == 1 else f"{one}-{of}".strip("-")
+    return names
 
 
 def _transformed(mesh: TriangleMesh, matrix: np.ndarray) -> TriangleMesh:

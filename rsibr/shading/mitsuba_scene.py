@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 
 from rsibr import backend
@@ -84,8 +85,18 @@ def instantiated(source: SceneSource, where: str) -> tuple[dict[str, mi.Shape], 
         if shape.is_emitter():  # an object that the caller has loaded
             fix = "give it as plain data, or load it without its emitter"
             raise InputError(f"the shape '{name}' was loaded with an emitter", where=where, fix=fix)
+        if shape.is_mesh():
+            _require_vertices(shape, name, where)
     sensors = scene.sensors()
     return shapes, sensors[0] if sensors else None, notes
+
+
+def _require_vertices(mesh: mi.Mesh, name: str, where: str) -> None:
+    """Refuse faces of vertices that do not exist: Mitsuba reads whatever lies there."""
+    faces = mi.traverse(mesh)["faces"]
+    if dr.width(faces) and int(dr.max(faces)[0]) >= mesh.vertex_count():
+        what = f"'{name}' has faces of vertices that do not exist ({mesh.vertex_count()} are there)"
+        raise InputError(what, where=where, fix="export its file anew: it is damaged")
 
 
 def _is_shipped(source: SceneSource) -> bool:
@@ -167,8 +178,8 @@ def _keep_shapes_and_sensor(state: mi.parser.ParserState, where: str) -> list[st
 def _rename_and_copy(
     state: mi.parser.ParserState, shapes: list[tuple[str, int]], dropped: Counter[str], where: str
 ) -> None:
-    root = state.root.props
     taken = {state.nodes[index].props.id() for _, index in shapes} - {""}
+    copies: list[mi.parser.SceneNode] = []
     for number, (key, index) in enumerate(shapes, 1):
         node = state.nodes[index]
         plugin, name = node.props.plugin_name(), node.props.id()
@@ -179,15 +190,19 @@ def _rename_and_copy(
             node.props.set_id(name)
             _strip(state, node, dropped)
             continue
-        del root[key]
+        del state.root.props[key]
         for copy in _copies(state, node, where) if plugin == "instance" else ():
-            inner = copy.props.id() or copy.props.plugin_name()
-            copied = unique_name(f"{name}-{inner}", taken)
+            copied = unique_name(f"{name}-{copy.props.id() or copy.props.plugin_name()}", taken)
             taken.add(copied)
             copy.props.set_id(copied)
             _strip(state, copy, dropped)
-            state.nodes.append(copy)
-            root[f"instance {len(state.nodes)}"] = mi.Properties.ResolvedReference(len(state.nodes) - 1)
+            copies.append(copy)
+    # ---- Last, as the list moves when it grows, and references to its nodes would dangle ----
+    first = len(state.nodes)
+    for copy in copies:
+        state.nodes.append(copy)
+    for index in range(first, first + len(copies)):
+        state.root.props[f"instance {index}"] = mi.Properties.ResolvedReference(index)
 
 
 def _copies(
