@@ -28,7 +28,7 @@ from rsibr.shading.unique_name import unique_name
 SUFFIXES = (".ply", ".obj", ".gltf", ".glb", ".stl")
 """Suffixes of the mesh files that are read, in lower case."""
 
-_MEMORY_PER_BYTE = {".ply": 40, ".obj": 30, ".gltf": 40, ".glb": 40, ".stl": 25}
+_MEMORY_PER_BYTE = {".ply": 25, ".obj": 25, ".gltf": 25, ".glb": 25, ".stl": 13}
 """Memory at the peak of reading and repair, over the size of the file."""
 
 _NAMELESS = re.compile(r"(geometry(_\d+)?)?")  # what trimesh calls a part without a name
