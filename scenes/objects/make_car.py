@@ -1,6 +1,6 @@
 """Generator of the demo car: `python scenes/objects/make_car.py [FOLDER]` writes body, rubber, metal and glass as PLY.
 
-The body is the zero level of a function that is smooth but for its wheel arches, met by rays from an axis within it.
+The body is the zero level of a smooth function, met by rays from an axis within it; wheel arches are cut along circles.
 Windows, lamps and gaps are patches a few millimetres above it. Lengths in metres; +x is forward, +y up, ground at y = 0.
 """
 
@@ -31,7 +31,7 @@ def _curve(*points: tuple[float, float]) -> Callable[[Points], Points]:
 # ---- Side view: bonnet, belt and boot; roof with both screens; half width at the belt ----
 _DECK = _curve((-2.6, 0.86), (-2.2, 0.93), (-1.95, 0.965), (-1.5, 0.965), (-0.6, 0.93), (0.5, 0.90), (1.0, 0.875),
                (1.5, 0.79), (1.9, 0.70), (2.2, 0.59), (2.6, 0.35))  # fmt: skip
-_ROOF = _curve((-2.6, 0.50), (-2.0, 0.88), (-1.55, 1.07), (-1.1, 1.245), (-0.6, 1.345), (-0.1, 1.37), (0.25, 1.33),
+_ROOF = _curve((-2.6, 0.10), (-2.05, 0.72), (-1.6, 1.05), (-1.1, 1.245), (-0.6, 1.345), (-0.1, 1.37), (0.25, 1.33),
                (0.6, 1.18), (1.1, 0.91), (1.5, 0.66), (2.6, -0.1))  # fmt: skip
 _HALF_WIDTH = _curve((-2.6, 0.66), (-2.1, 0.795), (-1.3, 0.895), (-0.4, 0.87), (0.4, 0.87), (1.3, 0.89), (1.9, 0.81),
                      (2.2, 0.70), (2.6, 0.52))  # fmt: skip
@@ -65,11 +65,9 @@ def body(p: Points) -> Points:
     glasshouse = 0.9 * (z - 0.775 + 0.44 * (y - 0.92) + 0.035 * (x + 0.2) ** 2)
     cabin = _most(_most(roof, glasshouse, 0.10), 0.6 - y, 0.05)
     whole = _least(lower, cabin, 0.045)
-    # ---- Wheel arches, with a flare ----
-    for centre in WHEELS:
+    for centre in WHEELS:  # flares around the arches
         radius = np.hypot(x - centre, y - AXLE_HEIGHT)
-        whole = whole - 0.022 * np.exp(-(((radius - ARCH_RADIUS) / 0.075) ** 2)) * (z > 0.5)
-        whole = _most(whole, -_most(radius - ARCH_RADIUS, 0.52 - z, 0.01), 0.012)
+        whole = whole - 0.020 * np.exp(-(((radius - ARCH_RADIUS) / 0.075) ** 2)) / (1 + np.exp(-(z - 0.6) / 0.03))
     return whole
 
 
@@ -103,7 +101,7 @@ def _grid(rows: int, columns: int, first: int = 0) -> NDArray[np.int64]:
     return np.concatenate([np.stack([a, b, d], -1).reshape(-1, 3), np.stack([a, d, c], -1).reshape(-1, 3)])
 
 
-def shell(rows: int = 152, columns: int = 104) -> Part:
+def shell(rows: int = 132, columns: int = 92) -> Part:
     """Body, closed."""
     # ---- Along the car: dense at the edges of the arches, and at nose and tail, where rays fan out ----
     s = np.linspace(-1, 1, 4001)
@@ -129,11 +127,43 @@ def shell(rows: int = 152, columns: int = 104) -> Part:
     grid = _met(*_rays(origin, fan, angle), 0.0, 1.6)
     tips = _met(np.array([[e, _AXIS_HEIGHT, 0] for e in ends]), np.array([[-1.0, 0, 0], [1.0, 0, 0]]), 0.0, 1.6)
     vertices = np.concatenate([grid.reshape(-1, 3), tips])
+    lateral = _grid(rows, columns)
+    vertices, normals = _with_arches(vertices, lateral)
     ring, last = np.arange(columns), rows * columns
     caps = [np.stack([np.roll(ring, -1), ring, np.full(columns, last)], -1)]
     top = ring + last - columns
     caps.append(np.stack([top, np.roll(top, -1), np.full(columns, last + 1)], -1))
-    return vertices, _normals(vertices), _outward(vertices, np.concatenate([_grid(rows, columns), *caps]))
+    return vertices, normals, _outward(vertices, np.concatenate([lateral, *caps]))
+
+
+def _with_arches(vertices: Points, faces: NDArray[np.int64]) -> tuple[Points, Points]:
+    """Vertices and normals with wheel arches: vertices near an arch are moved to its edge, those within it inward."""
+    vertices = vertices.copy()
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    outer, deep = np.abs(vertices[:, 2]) > 0.52, []
+    for centre in WHEELS:
+        hub = np.array([centre, AXLE_HEIGHT])
+        beyond = np.hypot(*(vertices[:, :2] - hub).T) - ARCH_RADIUS
+        beyond[~outer] = 1.0
+        crossing = edges[(beyond[edges[:, 0]] < 0) != (beyond[edges[:, 1]] < 0)]
+        crossing = crossing[outer[crossing].all(axis=1)]
+        nearer = np.argmin(np.abs(beyond[crossing]), axis=1)
+        snapped = np.unique(crossing[np.arange(len(crossing)), nearer])
+        spoke = vertices[snapped, :2] - hub
+        place = hub + ARCH_RADIUS * spoke / np.linalg.norm(spoke, axis=1, keepdims=True)
+        side = np.sign(vertices[snapped, 2:])
+        seen = _met(np.hstack([place, 1.2 * side]), np.hstack([0 * place, -side]), 0.0, 1.2)
+        fits = np.abs(seen[:, 2]) > 0.52  # below the sill there is no edge
+        vertices[snapped[fits]] = seen[fits]
+        within = beyond < 0
+        within[snapped[fits]] = False
+        deep.append(np.flatnonzero(within))
+    normals = _normals(vertices)
+    for inside in deep:
+        side = np.sign(vertices[inside, 2])
+        vertices[inside, 2] = 0.5 * side
+        normals[inside] = side[:, None] * [0, 0, 1]
+    return vertices, normals
 
 
 def _rays(origin: Points, fan: Points, angle: Points) -> tuple[Points, Points]:
@@ -267,7 +297,7 @@ def glass() -> Part:
     parts.append(patch(screen, np.array([-1, -0.25, 0]), rings=12))
     back = _front(-1.4, (0.55, 1.03), (0.47, 1.24), (0.0, 1.26), (-0.47, 1.24), (-0.55, 1.03), (0.0, 1.02))
     parts.append(patch(back, np.array([1, -0.35, 0]), rings=12))
-    lamp = _front(2.0, (0.40, 0.60), (0.44, 0.645), (0.76, 0.715), (0.74, 0.63), (0.60, 0.59))
+    lamp = _front(2.0, (0.36, 0.585), (0.42, 0.645), (0.77, 0.72), (0.76, 0.62), (0.60, 0.57))
     tail = _front(-2.0, (0.36, 0.80), (0.37, 0.87), (0.74, 0.87), (0.73, 0.79))
     parts += [*_both(patch(lamp, np.array([-1.0, 0, -0.25]))), *_both(patch(tail, np.array([1.0, 0, -0.1])))]
     return joined(parts)
@@ -278,8 +308,8 @@ def rubber() -> Part:
     r, half = WHEEL_RADIUS, 0.105
     tread = [(r - 0.002, -half + 0.035), (r, 0.0), (r - 0.002, half - 0.035), (r - 0.03, half), (0.262, half - 0.012),
              (0.235, half - 0.03), (0.235, -half + 0.03), (0.262, -half + 0.012), (r - 0.03, -half)]  # fmt: skip
-    tyre = _lathe(_rounded(np.array(tread)), 56)
-    lining = _lathe(np.array([(0.02, -0.2), (0.381, -0.2), (0.381, 0.075), (0.372, 0.075), (0.372, -0.17), (0.02, -0.17)]), 40)
+    tyre = _lathe(_rounded(np.array(tread), 1), 44)
+    lining = _lathe(np.array([(0.02, -0.2), (0.38, -0.2), (0.38, 0.09), (0.36, 0.08), (0.36, -0.17), (0.02, -0.17)]), 40)
     parts = []
     for x in WHEELS:
         parts += [*_both(_moved(tyre, (x, AXLE_HEIGHT, TRACK))), *_both(_moved(lining, (x, AXLE_HEIGHT, TRACK)))]
@@ -302,13 +332,13 @@ def metal() -> Part:
     """Rims, handles and trim."""
     dish = [(0.262, 0.078), (0.270, 0.088), (0.262, 0.096), (0.246, 0.088), (0.236, 0.02), (0.236, -0.07), (0.252, -0.075),
             (0.25, 0.02)]  # fmt: skip
-    rim = [_lathe(_rounded(np.array(dish), 1), 48)]
+    rim = [_lathe(_rounded(np.array(dish), 1), 36)]
     for k in range(10):
         a = 2 * np.pi * (k // 2) / 5 + np.pi / 2 + (0.16 if k % 2 else -0.16)
         out, across = np.array([np.cos(a), np.sin(a), -0.02]), np.array([-np.sin(a), np.cos(a), 0])
         axes = np.stack([0.112 * out, 0.018 * across, np.array([0, 0, 0.016])])
-        rim.append(_ellipsoid(0.140 * out + np.array([0, 0, 0.068]), axes, 4.0, 9, 12))
-    rim.append(_ellipsoid(np.array([0, 0, 0.066]), np.diag([0.062, 0.062, 0.024]), 2.6, 9, 20))
+        rim.append(_ellipsoid(0.140 * out + np.array([0, 0, 0.068]), axes, 4.0, 7, 10))
+    rim.append(_ellipsoid(np.array([0, 0, 0.066]), np.diag([0.062, 0.062, 0.024]), 2.6, 7, 16))
     wheel = joined(rim)
     parts = [p for x in WHEELS for p in _both(_moved(wheel, (x, AXLE_HEIGHT, TRACK)))]
     t = np.linspace(0, 1, 40)
@@ -322,7 +352,7 @@ def metal() -> Part:
 def mirrors() -> list[Part]:
     """Mirror housings, painted."""
     axes = np.array([[0.075, 0, 0.015], [0, 0.062, 0], [-0.02, 0.0, 0.105]])
-    return _both(_ellipsoid(np.array([0.66, 1.0, 0.93]), axes, 2.6))
+    return _both(_ellipsoid(np.array([0.66, 1.0, 0.875]), axes, 2.6))
 
 
 def write_ply(path: Path, part: Part) -> None:
