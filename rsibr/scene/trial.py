@@ -75,7 +75,12 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str, tim
 
 
 def require_survival_of(
-    child: str, section: dict[str, Any], types: Iterable[str], files: Iterable[Path], where: str, timeout: float = TIMEOUT
+    child: str,
+    section: dict[str, Any],
+    types: Iterable[str],
+    files: Iterable[Path],
+    where: str,
+    timeout: float = TIMEOUT,
 ) -> str:
     """Have a child process load plain data, unless the same content has survived that before.
 

@@ -114,14 +114,15 @@ class Camera:
             raise InputError(f"a sensor of the class {kind}", where="camera", fix="use a perspective sensor")
         film = sensor.film()
         whole, crop, corner = (
-            np.array(value, dtype=np.float64).reshape(2) for value in (film.size(), film.crop_size(), film.crop_offset())
+            np.array(value, dtype=np.float64).reshape(2)
+            for value in (film.size(), film.crop_size(), film.crop_offset())
         )
         shift = [_number(values[f"principal_point_offset_{axis}"]) for axis in "xy"]
         window = np.concatenate([corner / whole - shift, crop / whole])
         to_world = np.array(sensor.world_transform().matrix, dtype=np.float64).reshape(4, 4)
         axes = to_world[:3, :3] * np.array([-1.0, 1.0, -1.0])  # Mitsuba's columns: left, up, forward
         axes /= np.linalg.norm(axes, axis=0)
-        return cls(to_world[:3, 3], axes, _number(values["x_fov"]), *(int(n) for n in crop), window)
+        return cls(to_world[:3, 3], axes, _number(values["x_fov"]), int(crop[0]), int(crop[1]), window)
 
     @property
     def forward(self) -> NDArray[np.float64]:

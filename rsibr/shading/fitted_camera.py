@@ -57,7 +57,9 @@ def fitted_camera(
     toward = np.asarray(direction, dtype=np.float64)
     length = np.linalg.norm(toward)
     if not (math.isfinite(length) and length > 0):
-        raise InputError(f"the direction {tuple(toward.tolist())}", where="camera", fix="give a direction to the camera")
+        raise InputError(
+            f"the direction {tuple(toward.tolist())}", where="camera", fix="give a direction to the camera"
+        )
     toward = toward / length
     looking = Camera.look_at(scene.centre + toward, scene.centre, fov_deg=fov_deg, width=width, height=height)
     corners = np.array(list(itertools.product(*scene.bounds.T))) - scene.centre

@@ -118,7 +118,9 @@ def _content(path: Path) -> bytes:
 def _require_memory(path: Path, size: int) -> None:
     needed, free = size * _MEMORY_PER_BYTE[path.suffix.lower()], machine.memory().available
     if free is not None and needed > free:
-        what = f"a mesh file of {in_bytes(size)} takes about {in_bytes(needed)} of memory, and {in_bytes(free)} are free"
+        what = (
+            f"a mesh file of {in_bytes(size)} takes about {in_bytes(needed)} of memory, and {in_bytes(free)} are free"
+        )
         raise MachineError(what, where=str(path), fix="give a mesh with fewer triangles")
 
 
@@ -145,7 +147,8 @@ def _parsed(path: Path, content: bytes) -> tuple[Any, dict[str, str]]:
     import trimesh  # noqa: PLC0415
 
     kind = path.suffix.lower()[1:]
-    options, parts = {"skip_materials": True}, {}
+    options: dict[str, Any] = {"skip_materials": True}
+    parts: dict[str, tuple[str, str]] = {}
     resolver: Any = _BelowFolder(path)
     if kind == "obj":
         content, materials, parts = _split_by_material(content)
@@ -203,7 +206,9 @@ class _BelowFolder:
             return read_regular(place)
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "no file name"
-            self.refused = InputError(f"names the file '{name[:80]}': {reason}", where=where, fix="put it beside the mesh")
+            self.refused = InputError(
+                f"names the file '{name[:80]}': {reason}", where=where, fix="put it beside the mesh"
+            )
             raise self.refused from None
 
     __getitem__ = get
@@ -252,11 +257,12 @@ def _transformed(mesh: TriangleMesh, matrix: np.ndarray) -> TriangleMesh:
     is_mirrored = np.linalg.det(linear) < 0
     faces = mesh.faces[:, ::-1] if is_mirrored else mesh.faces
     normals = mesh.normals
-    if normals is not None:  # the cofactors: the inverse transpose but for a positive factor, and defined without an inverse
+    if (
+        normals is not None
+    ):  # the cofactors: the inverse transpose but for a positive factor, and defined without an inverse
         a, b, c = linear
         cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
         normals = normals @ cofactors.T * (-1 if is_mirrored else 1)
         scale = np.linalg.norm(normals, axis=1, keepdims=True)
         normals = normals / np.where(scale > 0, scale, 1)
     return TriangleMesh(mesh.vertices @ linear.T + matrix[:3, 3], faces, normals)
-

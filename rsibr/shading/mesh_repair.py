@@ -111,7 +111,7 @@ def _finite(mesh: TriangleMesh, name: str, where: str, notes: list[str]) -> Tria
         what = f"'{name}' has faces of vertices that do not exist ({len(vertices)} are there)"
         raise InputError(what, where=where, fix="export it anew: the file is damaged")
     with np.errstate(invalid="ignore"):
-        is_finite = (np.abs(vertices) < _FARTHEST).all(axis=1)
+        is_finite = np.all(np.abs(vertices) < _FARTHEST, axis=1)
     kept = is_finite[faces].all(axis=1)
     if lost := int((~kept).sum()):
         what = "has a vertex that is" if lost == 1 else "have vertices that are"
@@ -221,15 +221,13 @@ def _with_creases(mesh: TriangleMesh, edges: _Edges) -> TriangleMesh:
     rows, columns = np.concatenate([first, _next(first)]), np.concatenate([_next(second), second])
     vertex = _components(rows, columns, 3 * len(mesh.faces))
     count = int(vertex.max()) + 1
-    positions = np.empty((count, 3))  # noqa: NPY001  # all are written
+    positions = np.empty((count, 3))  # all are written
     positions[vertex] = mesh.vertices[mesh.faces.ravel()]
     summed = _summed(vertex, normal, angle, count)
     return TriangleMesh(positions, vertex.reshape(-1, 3), _unit(summed))
 
 
-def _with_mended_normals(
-    mesh: TriangleMesh, given: NDArray[np.float64], name: str, notes: list[str]
-) -> TriangleMesh:
+def _with_mended_normals(mesh: TriangleMesh, given: NDArray[np.float64], name: str, notes: list[str]) -> TriangleMesh:
     normal, angle = _faces_and_angles(mesh)
     ours = _unit(_summed(mesh.faces.ravel(), normal, angle, len(mesh.vertices)))
     used = np.zeros(len(mesh.vertices), bool)
@@ -238,7 +236,10 @@ def _with_mended_normals(
     theirs = _unit(np.where(usable[:, None], given, ours))
     against = used & ((theirs * ours).sum(axis=1) < 0)
     against[against] = ~_fits_a_face(mesh, normal, theirs)[against]
-    for is_so, what in ((used & ~usable, "zero or no number, and computed"), (against, "against their faces, and flipped")):
+    for is_so, what in (
+        (used & ~usable, "zero or no number, and computed"),
+        (against, "against their faces, and flipped"),
+    ):
         if count := int(is_so.sum()):
             notes.append(f"'{name}': {_share(count, int(used.sum()), 'vertex normal')} {what}")
     return replace(mesh, normals=np.where(against[:, None], -theirs, theirs))

@@ -26,7 +26,7 @@ from rsibr.shading.camera import Camera
 from rsibr.shading.unique_name import unique_name
 
 SceneSource = dict[str, Any] | Path | str
-"""Mitsuba scene as a dictionary, path of its XML file, or text of one whose relative names start at the working folder."""
+"""Mitsuba scene: a dictionary, path of an XML file, or text of one whose relative names start at the working folder."""
 
 _FIX = "see Mitsuba's plugin reference"
 _TRIAL = "rsibr.shading.scene_trial_child"
@@ -205,9 +205,7 @@ def _rename_and_copy(
         state.root.props[f"instance {index}"] = mi.Properties.ResolvedReference(index)
 
 
-def _copies(
-    state: mi.parser.ParserState, instance: mi.parser.SceneNode, where: str
-) -> Iterator[mi.parser.SceneNode]:
+def _copies(state: mi.parser.ParserState, instance: mi.parser.SceneNode, where: str) -> Iterator[mi.parser.SceneNode]:
     """Copies of the shapes of an instance's group, with the transforms of both."""
     groups = [state.nodes[i] for _, i in _references(instance) if state.nodes[i].props.plugin_name() == "shapegroup"]
     if len(groups) != 1:

@@ -1,7 +1,7 @@
 """Generator of the demo car: `python scenes/objects/make_car.py [FOLDER]` writes body, rubber, metal and glass as PLY.
 
-The body is the zero level of a smooth function, met by rays from an axis within it; wheel arches are cut along circles.
-Windows, lamps and gaps are patches a few millimetres above it. Lengths in metres; +x is forward, +y up, ground at y = 0.
+The body is the zero level of a smooth function, met by rays from an axis within it; arches are cut along circles.
+Windows, lamps and gaps are patches a few millimetres above it. Lengths in metres; +x forward, +y up, ground at y = 0.
 """
 
 from __future__ import annotations
@@ -106,7 +106,6 @@ def shell(rows: int = 132, columns: int = 92) -> Part:
     # ---- Along the car: dense at the edges of the arches, and at nose and tail, where rays fan out ----
     s = np.linspace(-1, 1, 4001)
     ends = np.array(_AXIS_ENDS)
-    length = ends[1] - ends[0]
     along = np.interp(s, [-0.72, 0.72], ends)
     density = 1 + sum(0.9 * np.exp(-(((along - w - e) / 0.11) ** 2)) for w in WHEELS for e in (-0.36, 0.36))
     density = density + 0.9 * np.exp(-(((np.abs(s) - 0.86) / 0.09) ** 2))
@@ -118,7 +117,7 @@ def shell(rows: int = 132, columns: int = 92) -> Part:
     around = _met(*_rays(origin, fan, np.tile(fine, (rows, 1))), 0.0, 1.6, 80)
     step = np.linalg.norm(np.roll(around, -1, axis=1) - around, axis=-1)
     share = step / step.sum(axis=1, keepdims=True)
-    kernel = np.exp(-(np.arange(-12, 13) / 6.0) ** 2)
+    kernel = np.exp(-((np.arange(-12, 13) / 6.0) ** 2))
     share = np.apply_along_axis(lambda c: np.convolve(np.pad(c, 12, "edge"), kernel / kernel.sum(), "valid"), 0, share)
     share = 0.5 * (share + share[:, ::-1]) + 0.25 / 720  # left as right
     whole = np.concatenate([np.zeros((rows, 1)), np.cumsum(share, axis=1)], axis=1)
@@ -196,7 +195,9 @@ def patch(outline: Points, toward: Points, height: float = 0.004, rings: int = 9
     rows, columns = surface.shape[:2]
     vertices = np.concatenate([surface.reshape(-1, 3), surface[0].mean(axis=0, keepdims=True)])
     hub = np.arange(columns)
-    faces = np.concatenate([_grid(rows, columns), np.stack([np.roll(hub, -1), hub, np.full(columns, rows * columns)], -1)])
+    faces = np.concatenate(
+        [_grid(rows, columns), np.stack([np.roll(hub, -1), hub, np.full(columns, rows * columns)], -1)]
+    )
     n = np.concatenate([normals.reshape(-1, 3), normals[0].mean(axis=0, keepdims=True)])
     across = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
     if (across * n[faces[:, 0]]).sum() < 0:
@@ -247,7 +248,8 @@ def _ellipsoid(centre: Points, axes: Points, power: float = 2.0, rows: int = 14,
     n = np.sign(local) * np.abs(local) ** (power - 1) @ np.linalg.inv(axes).T
     ring, last = np.arange(columns), rows * columns
     caps = [np.stack([ring, np.roll(ring, -1), np.full(columns, last)], -1)]
-    caps.append(np.stack([np.roll(ring, -1), ring, np.full(columns, last + 1)], -1) + [last - columns, last - columns, 0])
+    bottom = ring + last - columns
+    caps.append(np.stack([np.roll(bottom, -1), bottom, np.full(columns, last + 1)], -1))
     vertices = centre + local @ axes
     faces = np.concatenate([_grid(rows, columns), *caps])
     return vertices, n / np.linalg.norm(n, axis=1, keepdims=True), _outward(vertices, faces)
@@ -309,7 +311,9 @@ def rubber() -> Part:
     tread = [(r - 0.002, -half + 0.035), (r, 0.0), (r - 0.002, half - 0.035), (r - 0.03, half), (0.262, half - 0.012),
              (0.235, half - 0.03), (0.235, -half + 0.03), (0.262, -half + 0.012), (r - 0.03, -half)]  # fmt: skip
     tyre = _lathe(_rounded(np.array(tread), 1), 44)
-    lining = _lathe(np.array([(0.02, -0.2), (0.38, -0.2), (0.38, 0.09), (0.36, 0.08), (0.36, -0.17), (0.02, -0.17)]), 40)
+    lining = _lathe(
+        np.array([(0.02, -0.2), (0.38, -0.2), (0.38, 0.09), (0.36, 0.08), (0.36, -0.17), (0.02, -0.17)]), 40
+    )
     parts = []
     for x in WHEELS:
         parts += [*_both(_moved(tyre, (x, AXLE_HEIGHT, TRACK))), *_both(_moved(lining, (x, AXLE_HEIGHT, TRACK)))]
@@ -330,8 +334,8 @@ def rubber() -> Part:
 
 def metal() -> Part:
     """Rims, handles and trim."""
-    dish = [(0.262, 0.078), (0.270, 0.088), (0.262, 0.096), (0.246, 0.088), (0.236, 0.02), (0.236, -0.07), (0.252, -0.075),
-            (0.25, 0.02)]  # fmt: skip
+    dish = [(0.262, 0.078), (0.270, 0.088), (0.262, 0.096), (0.246, 0.088), (0.236, 0.02), (0.236, -0.07),
+            (0.252, -0.075), (0.25, 0.02)]  # fmt: skip
     rim = [_lathe(_rounded(np.array(dish), 1), 36)]
     for k in range(10):
         a = 2 * np.pi * (k // 2) / 5 + np.pi / 2 + (0.16 if k % 2 else -0.16)
@@ -359,7 +363,9 @@ def write_ply(path: Path, part: Part) -> None:
     """Write a mesh as binary PLY with vertex normals."""
     vertices, normals, faces = part
     header = "ply\nformat binary_little_endian 1.0\ncomment made by make_car.py\n"
-    header += f"element vertex {len(vertices)}\n" + "".join(f"property float {c}\n" for c in ("x", "y", "z", "nx", "ny", "nz"))
+    header += f"element vertex {len(vertices)}\n" + "".join(
+        f"property float {c}\n" for c in ("x", "y", "z", "nx", "ny", "nz")
+    )
     header += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
     rows = np.empty(len(faces), [("count", "u1"), ("index", "<i4", 3)])
     rows["count"], rows["index"] = 3, faces
