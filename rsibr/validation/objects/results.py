@@ -8,11 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.shading.camera import Camera
+from rsibr.shading.effects.object_plan import ObjectPlan
 from rsibr.shading.picture import Picture
+from rsibr.validation.estimate import Estimate
 from rsibr.validation.flip import Exposures
 from rsibr.validation.objects.causes import Cause, Truths
 from rsibr.validation.objects.object_error import ObjectError
 from rsibr.validation.results import BakeSummary
+
+_CAUSE_OF = {
+    "perspective": "perspective",
+    "self_occlusion": "visibility",
+    "interreflection": "bounces",
+    "silhouettes": "antialiasing",
+}
+"""Cause whose relMSE is that of leaving an effect out."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -22,16 +32,22 @@ class MethodPicture:
     Attributes
     ----------
     picture : Picture
-        The picture; its `seconds` are of a second run, without compilation.
-    open, full : ObjectError
-        Errors against open shading (a) and against path tracing (c).
+        The picture as asked for; its `seconds` are of a second run, without compilation.
+    bare : Picture
+        The picture without shadows of its own; the same if none were asked for.
+    open : ObjectError
+        Errors of `bare` against open shading (a).
+    full, unoccluded : ObjectError
+        Errors of `picture` and of `bare` against path tracing (c).
     compile_seconds : float
         Extra time of the first picture [s].
     """
 
     picture: Picture
+    bare: Picture
     open: ObjectError
     full: ObjectError
+    unoccluded: ObjectError
     compile_seconds: float
 
     @property
@@ -69,6 +85,8 @@ class ObjectValidation:
         Picture by name of the method, in display order.
     exposures : Exposures
         Of FLIP, the same for all.
+    plan : ObjectPlan or None
+        Effects of the picture by the first method; None if they were not planned.
     notes : tuple of str
         What was left out or ignored, in a sentence each.
     """
@@ -84,6 +102,7 @@ class ObjectValidation:
     causes: list[Cause]
     methods: dict[str, MethodPicture]
     exposures: Exposures
+    plan: ObjectPlan | None = None
     notes: tuple[str, ...] = field(default=())
 
     def __repr__(self) -> str:
@@ -94,6 +113,12 @@ class ObjectValidation:
     def best(self) -> str:
         """Name of the method with the least relMSE against open shading."""
         return min(self.methods, key=lambda name: self.methods[name].open.whole.rel_mse.value)
+
+    @property
+    def measured(self) -> dict[str, Estimate]:
+        """Measured relMSE of leaving an effect out, by its name in the plan."""
+        causes = {cause.name: cause.rel_mse for cause in self.causes}
+        return {effect: causes[cause] for effect, cause in _CAUSE_OF.items()}
 
     @property
     def zone_shares(self) -> dict[str, float]:

@@ -18,14 +18,14 @@ from rsibr.shading.picture import Image, Picture
 from rsibr.shading.renderer import RAYS, ObjectRenderer, opened
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.store.bake import Bake
-from rsibr.validation.flip import exposures_for
+from rsibr.validation.flip import Exposures, exposures_for
 from rsibr.validation.objects.causes import Truths, causes_of
 from rsibr.validation.objects.job import TRUTHS, object_job
-from rsibr.validation.objects.object_error import object_error
+from rsibr.validation.objects.object_error import ObjectError, object_error
 from rsibr.validation.objects.primary_rays import PrimaryRays
 from rsibr.validation.objects.results import MethodPicture, ObjectValidation
 from rsibr.validation.objects.truths import ObjectTruths
-from rsibr.validation.objects.zones import zones_of
+from rsibr.validation.objects.zones import Mask, zones_of
 from rsibr.validation.reference import MINIMUM_BUFFERS, Reference
 from rsibr.validation.report.object_report import write_object_report
 from rsibr.validation.validation import DEFAULT_SAMPLES, bake_summary
@@ -39,7 +39,7 @@ def validate_object(
     camera: Camera | None = None,
     methods: Sequence[str] | None = None,
     lookup: str = "pixel",
-    occlusion: str | None = None,
+    occlusion: str = "auto",
     rays: int = RAYS,
     samples: int = DEFAULT_SAMPLES,
     buffers: int = MINIMUM_BUFFERS,
@@ -62,8 +62,9 @@ def validate_object(
         Methods; by default all whose requirements every bake meets.
     lookup : str
         How surfaces take their radiance, see `rsibr.shading.lookups.registry`.
-    occlusion : str, optional
-        Occlusion option of `ObjectRenderer`; by default its own.
+    occlusion : {"auto", "on", "off"}
+        Whether the pictures held against path tracing hide the sky from themselves, see `ObjectRenderer`. Those held
+        against open shading never do.
     rays : int
         Rays a pixel, of pictures and truths.
     samples : int
@@ -105,35 +106,30 @@ def validate_object(
     job = object_job(primary, given, len(names), samples, buffers)
     job.admit(None, allow_large)
     on_forecast(job)
-    options = {} if occlusion is None else {"occlusion": occlusion}
-    renderers = {name: ObjectRenderer(scene, given, name, lookup, **options) for name in names}  # before hours of truth
+    renderers = {name: _renderers(scene, given, name, lookup, occlusion) for name in names}  # fail before the truths
     # ---- Truths ----
     truths = _truths(primary, given, samples, buffers, lambda done: on_progress(done, TRUTHS + len(names)))
     zones = zones_of(primary.layers, primary.camera)
     exposures = exposures_for(float(truths.open.mean[truths.open.coverage > 0].mean()))
     # ---- Pictures ----
     made: dict[str, MethodPicture] = {}
-    for done, (name, renderer) in enumerate(renderers.items()):
+    for done, (name, of_method) in enumerate(renderers.items()):
         on_progress(TRUTHS + done, TRUTHS + len(names))
-        picture, compile_seconds = _picture(renderer, primary)
-        radiance = _without_coverage(picture)
-        against_open, against_full = (
-            object_error(radiance, truth, zones, exposures, name) for truth in (truths.open, truths.full)
-        )
-        made[name] = MethodPicture(picture, against_open, against_full, compile_seconds)
+        made[name] = _judged(of_method, primary, truths, zones, exposures, name)
     on_progress(TRUTHS + len(names), TRUTHS + len(names))
     validation = ObjectValidation(
         scene=scene.name,
         camera=primary.camera,
         rays=rays,
         lookup=lookup,
-        occlusion=occlusion or "default",
+        occlusion=occlusion,
         surfaces={name: bake_summary(bake) for name, bake in given.items()},
         zones=zones,
         truths=truths,
         causes=causes_of(truths),
         methods=made,
         exposures=exposures,
+        plan=renderers[names[0]][1].plan,
         notes=(*scene.notes, *_notes(primary)),
     )
     if out is not None:
@@ -159,6 +155,35 @@ def _truths(
         all_over=made(4, truth.open_all_over),
         bent=primary.bent,
     )
+
+
+def _renderers(
+    scene: ObjectScene, bakes: dict[str, Bake], method: str, lookup: str, occlusion: str
+) -> tuple[ObjectRenderer, ObjectRenderer]:
+    """Renderers of the picture without shadows of its own, and of the picture as asked for."""
+    without = ObjectRenderer(scene, bakes, method, lookup, occlusion="off")
+    asked = without if occlusion == "off" else ObjectRenderer(scene, bakes, method, lookup, occlusion=occlusion)
+    return without, asked
+
+
+def _judged(
+    renderers: tuple[ObjectRenderer, ObjectRenderer],
+    primary: PrimaryRays,
+    truths: Truths,
+    zones: dict[str, Mask],
+    exposures: Exposures,
+    name: str,
+) -> MethodPicture:
+    without, asked = renderers
+    bare, compile_seconds = _picture(without, primary)
+    picture, compile_seconds = (bare, compile_seconds) if asked is without else _picture(asked, primary)
+
+    def error(of: Picture, truth: Reference) -> ObjectError:
+        return object_error(_without_coverage(of), truth, zones, exposures, name)
+
+    unoccluded = error(bare, truths.full)
+    full = unoccluded if asked is without else error(picture, truths.full)
+    return MethodPicture(picture, bare, error(bare, truths.open), full, unoccluded, compile_seconds)
 
 
 def _picture(renderer: ObjectRenderer, primary: PrimaryRays) -> tuple[Picture, float]:

@@ -7,6 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from rsibr.planning.plan import Effect
 from rsibr.validation.estimate import Estimate
 from rsibr.validation.objects import zones as definitions
 from rsibr.validation.objects.causes import Cause
@@ -70,6 +71,7 @@ class MethodPictureModel(StrictModel):
 
     open: ObjectErrorModel = Field(description="against open shading: the error of reconstruction")
     full: ObjectErrorModel = Field(description="against path tracing: the whole error")
+    unoccluded: ObjectErrorModel = Field(description="against path tracing, without occlusion in the picture")
     seconds: Positive = Field(description="time of the picture")
     hit_seconds: Positive = Field(description="time of a ray that meets a surface")
     prepare_seconds: Positive = Field(description="preparation: maps, tables")
@@ -81,6 +83,7 @@ class MethodPictureModel(StrictModel):
         return cls(
             open=ObjectErrorModel.of(made.open),
             full=ObjectErrorModel.of(made.full),
+            unoccluded=ObjectErrorModel.of(made.unoccluded),
             seconds=made.picture.seconds,
             hit_seconds=made.seconds_of_hit,
             prepare_seconds=made.picture.prepare_seconds,
@@ -153,6 +156,7 @@ class ObjectDocument(StrictModel):
     zones: ZoneModel
     normals: NormalsModel
     causes: list[CauseModel]
+    effects: list[Effect] | None = Field(description="effects of the picture; null: not planned")
     methods: dict[str, MethodPictureModel]
     notes: list[str]
 
@@ -188,6 +192,7 @@ def object_document(validation: ObjectValidation) -> ObjectDocument:
         zones=ZoneModel(),
         normals=NormalsModel(**vars(validation.methods[validation.best].picture.counts)),
         causes=[CauseModel.of_cause(cause) for cause in validation.causes],
+        effects=None if validation.plan is None else list(validation.plan.effects),
         methods={name: MethodPictureModel.of(made) for name, made in validation.methods.items()},
         notes=list(validation.notes),
     )

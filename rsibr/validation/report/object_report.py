@@ -70,9 +70,9 @@ def _draw(validation: ObjectValidation) -> dict[str, Rgba]:
         drawn[name] = pictures.tone_mapped(truth.mean, truth.coverage, exposure)
         drawn[f"{name}_noise"] = pictures.false_colour(relative_noise_map(truth), RELATIVE_ERROR)
     for name, made in validation.methods.items():
-        alpha = made.picture.alpha
-        radiance = made.picture.radiance / np.maximum(alpha, np.finfo(np.float32).tiny)[..., None]
-        drawn[name] = pictures.tone_mapped(radiance, alpha, exposure)
+        for against, picture in (("open", made.bare), ("full", made.picture)):
+            radiance = picture.radiance / np.maximum(picture.alpha, np.finfo(np.float32).tiny)[..., None]
+            drawn[f"{name}_{against}"] = pictures.tone_mapped(radiance, picture.alpha, exposure)
         for against, error in (("open", made.open), ("full", made.full)):
             drawn[f"{name}_{against}_error"] = pictures.false_colour(error.relative_error, RELATIVE_ERROR)
             drawn[f"{name}_{against}_flip"] = pictures.false_colour(error.flip_map, FLIP)

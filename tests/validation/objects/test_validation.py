@@ -74,8 +74,10 @@ def test_shadows_and_bounces_are_told_from_reconstruction(found):
     assert causes["visibility"].ci95[0] > 0.01  # the bowl hides half the sky from itself
     assert causes["bounces"].ci95[0] > 1e-3
     assert best.open.whole.rel_mse.value < 1e-3
-    assert best.full.whole.rel_mse.ci95[0] > 10 * best.open.whole.rel_mse.ci95[1]
-    assert best.full.whole.energy_ratio.ci95[0] > 1.05  # too bright without the shadows
+    assert best.unoccluded.whole.rel_mse.ci95[0] > 10 * best.open.whole.rel_mse.ci95[1]
+    assert best.unoccluded.whole.energy_ratio.ci95[0] > 1.05  # too bright without the shadows
+    assert best.full.whole.rel_mse.ci95[1] < best.unoccluded.whole.rel_mse.ci95[0] / 2  # the occlusion of the picture
+    assert found.made.plan["self_occlusion"].on
     assert set(found.made.zone_shares) == {"silhouette", "curved"}
 
 

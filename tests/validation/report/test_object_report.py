@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rsibr.planning.plan import Effect
 from rsibr.shading.camera import Camera
+from rsibr.shading.effects.object_plan import ObjectPlan
 from rsibr.shading.picture import NormalCounts, Picture
 from rsibr.validation.flip import exposures_for
 from rsibr.validation.objects.causes import Truths, causes_of
@@ -42,12 +44,15 @@ def validation():
     for name, factor in {"near <it>": 1.05, "far": 1.2}.items():
         image = truth * np.float32(factor)
         picture = Picture(image * alpha[..., None], alpha, alpha, image, NormalCounts(900, 1, 2, 3, 4), 0.01, 0.5)
-        errors = [object_error(image, one, zones, exposures, name) for one in (truths.open, truths.full)]
-        methods[name] = MethodPicture(picture, *errors, compile_seconds=0.25)
+        errors = [object_error(image, one, zones, exposures, name) for one in (truths.open, truths.full, truths.full)]
+        methods[name] = MethodPicture(picture, picture, *errors, compile_seconds=0.25)
     bake = BakeSummary("paint.rsibr", "red <paint>", "city", 12, 32, 256, 10.0, 123456)
     camera = Camera.look_at((0, 0, 4), (0, 0, 0), width=32, height=32)
     parts = ("car <body>", camera, 16, "pixel", "off", {"*": bake}, zones, truths, causes_of(truths), methods)
-    return ObjectValidation(*parts, exposures, ("the emitters of the file are ignored",))
+    missed = Effect(
+        "self_occlusion", False, "off", 0.4, 1e-3, "of the sky", "forced off <here>", error_if_left_out=0.07
+    )
+    return ObjectValidation(*parts, exposures, ObjectPlan((missed,)), ("the emitters of the file are ignored",))
 
 
 @pytest.fixture(scope="module")
@@ -88,14 +93,16 @@ def test_the_page_needs_nothing_but_itself_and_shows_all(page, validation):
     assert all(reference.startswith("data:image/png;base64,") for reference in page.references)
     assert "script" not in page.tags
     assert page.open == []
-    # Truths and zones; (a) and the pictures; against two truths the noise, and error and FLIP of each method
-    assert page.tags.count("img") == 4 + 3 + 2 * (1 + 2 + 2)
+    # Truths and zones; for each of two truths: it and its noise, and of each method picture, error and FLIP
+    assert page.tags.count("img") == 4 + 2 * (2 + 2 * 3)
     text = page.text.replace("\xa0", " ")
     for words in ("car <body>", "red <paint>", "near <it>", "the emitters of the file are ignored", "visibility"):
         assert words in text
     for cause in validation.causes:
         assert str(cause.rel_mse) in text
     assert validation.best == "near <it>"
+    assert "forced off <here>" in text
+    assert "it matters here: self_occlusion" in text
 
 
 def test_files_of_an_earlier_report_are_removed_and_others_kept(validation, tmp_path):
@@ -106,7 +113,7 @@ def test_files_of_an_earlier_report_are_removed_and_others_kept(validation, tmp_
     write_object_report(fewer, tmp_path)
     names = {path.name for path in (tmp_path / "pictures").iterdir()}
     assert "mine.png" in names
-    assert "object_far.png" in names
+    assert {"object_far_open.png", "object_far_full_error.png"} <= names
     assert not any("near" in name for name in names)
 
 
