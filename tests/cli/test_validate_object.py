@@ -25,7 +25,7 @@ def scene(monkeypatch):
     return "ball.ply"
 
 
-SMALL = ("--resolution", "16x12", "--rays", 4, "--samples", 64, "--method", "rsibr")
+SMALL = ("--resolution", "16x12", "--rays", 4, "--samples", 64, "--method", "rsibr", "--occlusion", "off")
 
 
 def test_an_object_is_judged_and_reported(shell, baked, scene, tmp_path):

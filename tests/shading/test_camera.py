@@ -82,7 +82,12 @@ def test_an_up_along_the_view_is_replaced(up):
 
 @pytest.mark.parametrize(
     ("position", "target", "fov"),
-    [((0, 0, 0), (0, 0, 0), 40), ((0, 0, np.nan), (0, 0, 0), 40), ((0, 0, 1), (0, 0, 0), 180), ((0, 0, 1), (0,) * 3, 0)],
+    [
+        ((0, 0, 0), (0, 0, 0), 40),
+        ((0, 0, np.nan), (0, 0, 0), 40),
+        ((0, 0, 1), (0, 0, 0), 180),
+        ((0, 0, 1), (0,) * 3, 0),
+    ],
 )
 def test_impossible_cameras_are_refused(position, target, fov):
     with pytest.raises(InputError, match="^camera: "):
