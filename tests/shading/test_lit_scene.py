@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -32,15 +33,9 @@ def radiance(scene, origin, toward):
     ray = mi.RayDifferential3f(mi.Point3f(*origin), mi.Vector3f(*toward))
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(3, 4096)
-    ray.o += dr_zeros(4096)
+    ray.o += dr.zeros(mi.Point3f, 4096)
     integrator = mi.load_dict({"type": "path", "hide_emitters": True})
     return np.array(integrator.sample(scene, sampler, ray)[0]).mean(axis=-1)
-
-
-def dr_zeros(count):
-    import drjit as dr
-
-    return dr.zeros(mi.Point3f, count)
 
 
 @pytest.fixture

@@ -67,12 +67,13 @@ def test_a_picture_too_bright_in_one_zone_is_found_wrong_there_alone(truth, halv
 
 def test_intervals_hold_what_the_truth_without_noise_gives(rng, halves):
     """Of 40 truths, 95 % intervals of the energy ratio miss fewer than 8 times (false alarms below 1e-3)."""
-    wrong, missed = smooth_map() * np.float32(1.05), 0
-    for _ in range(40):
-        noisy = noisy_reference(smooth_map(), 0.2, rng)
-        low, high = error(wrong, noisy, halves).zones["left"].energy_ratio.ci95
-        missed += not low <= 1.05 <= high
-    assert missed < 8
+    wrong = smooth_map() * np.float32(1.05)
+    found = [
+        error(wrong, noisy_reference(smooth_map(), 0.2, rng), halves).zones["left"].energy_ratio for _ in range(40)
+    ]
+    assert sum(not one.ci95[0] <= 1.05 <= one.ci95[1] for one in found) < 8
+    spread = np.std([one.value for one in found])
+    assert np.mean([one.standard_error for one in found]) == pytest.approx(spread, rel=0.5)
 
 
 def test_a_channel_black_in_the_truth_alone_has_no_energy_ratio(truth, halves):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -9,6 +12,7 @@ import trimesh
 
 from rsibr.geometry.frame import view_frame
 from rsibr.shading.camera import Camera
+from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.validation.metrics import relative_mse_of_samples
 from rsibr.validation.reference import render_reference
 from tests.validation.doubles import GREY_SKY, Sky, slanted_sky
@@ -136,16 +140,19 @@ def test_one_map_is_exact_for_its_own_view_and_for_matte_surfaces_by_normal():
     assert apart["matte"].ci95[0] < 1e-5, apart
 
 
+def test_one_map_by_reflection_is_exact_for_a_mirror_in_any_perspective():
+    camera = Camera.look_at((0, 0, 2), (0, 0, 0), fov_deg=70, width=16, height=16)
+    truths = truths_of(sphere(), camera, Coat({"type": "conductor", "material": "none"}), slanted_sky(), 64, rays=1)
+    inner = (truths.primary.coverage == 1) & (truths.primary.layers.normal[..., 2] > 0.6)  # but for its rim
+    np.testing.assert_allclose(truths.one_map().mean[inner], truths.open().mean[inner], atol=2e-3)
+
+
 def test_what_has_no_bake_hides_but_is_not_judged():
     shapes = {"floor": square("floor", (-2, 0, 2), (4, 0, 0), (0, 0, -4)), "ball": mi.load_dict({"type": "sphere"})}
     camera = Camera.look_at((0, 3, 6), (0, 0, 0), width=24, height=24)
     truths = truths_of(shapes, camera, LAMBERT, GREY_SKY, 64)
     both = truths.primary.coverage
     scene = truths.primary.scene
-    from dataclasses import replace
-
-    from rsibr.shading.surface_types import SurfaceTypes
-
     alone = replace(truths, primary=type(truths.primary)(scene, SurfaceTypes.assign(scene, ["ball"]), camera, 4))
     ball = alone.primary.coverage
     assert 0 < (ball > 0).sum() < (both > 0).sum()
@@ -168,3 +175,19 @@ def test_other_seeds_give_other_numbers_and_the_same_seed_the_same():
     np.testing.assert_array_equal(one.buffers, again.buffers)
     assert (one.buffers != other.buffers).any()
     assert len({buffer.tobytes() for buffer in one.buffers}) == 8
+
+
+def test_smooth_plastic_has_both_its_delta_and_its_matte_part():
+    """Under a constant sky its albedo is that of the furnace: the same BSDF, integrated over directions by itself."""
+    plastic = Coat({"type": "plastic", "diffuse_reflectance": {"type": "rgb", "value": [0.8, 0.5, 0.2]}})
+    camera = Camera.look_at((0, 0, 40), (0, 0, 0), fov_deg=0.5, width=4, height=4)  # the middle: v along the normal
+    truths = truths_of(sphere(), camera, plastic, GREY_SKY, 4096, rays=1)
+    bsdf, count = plastic.bsdf(), 2**18
+    si = dr.zeros(mi.SurfaceInteraction3f, count)
+    si.wi = mi.Vector3f(0, 0, 1)
+    rng = mi.PCG32(size=count)
+    context = mi.BSDFContext()
+    _, weight = bsdf.sample(context, si, rng.next_float32(), mi.Point2f(rng.next_float32(), rng.next_float32()))
+    albedo = np.array(weight).mean(axis=1)
+    assert_mean(truths.open(), truths.primary.coverage > 0, albedo * GREY, 5e-3)
+    assert albedo[2] > 0.04  # the mirror part of a dark channel

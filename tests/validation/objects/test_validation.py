@@ -138,6 +138,7 @@ def test_the_camera_of_the_scene_is_taken_and_another_frames_the_object(scene):
     assert object_camera(own) is CAMERA
     assert object_camera(own, resolution=(8, 6)).width == 8
     framing = object_camera(scene, resolution=(40, 20))
+    assert (framing.width, framing.height) == (40, 20)
     corners = np.array(np.meshgrid(*scene.bounds.T)).reshape(3, -1).T
     seen = (corners - framing.position) @ framing.axes
     assert (np.abs(seen[:, 0]) < -seen[:, 2] * framing.half_width).all()
