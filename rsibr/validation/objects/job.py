@@ -12,8 +12,10 @@ from rsibr.validation.objects.primary_rays import LANES_PER_LAUNCH, PrimaryRays
 
 TRUTHS = 5
 """Truths of an object, see `rsibr.validation.objects.causes.Truths`."""
-WORK = 8.0
-"""Samples of an object's truths over those of a bake, in time: all five together, those with shadow rays dearer."""
+WORK = 15.0
+"""Time of a sample of all five truths together over that of a sample of a bake; measured on a torus, two cores."""
+COMPILE_SECONDS = 3.0
+"""Time to load scenes and compile the kernels of the truths [s]."""
 LANE_BYTES = 150
 """Memory of a sample in a launch [bytes]."""
 BUFFER_BYTES = 12
@@ -43,7 +45,7 @@ def object_job(primary: PrimaryRays, bakes: Mapping[str, Bake], methods: int, sa
     lanes = LANE_BYTES * min(LANES_PER_LAUNCH, covered * max(samples // buffers, primary.rays))
     rates = [rate for bake in bakes.values() if (rate := _samples_a_second(bake)) is not None]
     flips = FLIP_SECONDS * pixels * 2 * methods * (buffers + 1)
-    seconds = WORK * covered * samples / min(rates) + flips if rates else None
+    seconds = COMPILE_SECONDS + WORK * covered * samples / min(rates) + flips if rates else None
     name = f"validation of a picture of {camera.width}×{camera.height}"
     return JobSize(name, memory=round(maps + kept + lanes), seconds=seconds)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import drjit as dr
 import mitsuba as mi
@@ -157,6 +158,23 @@ def test_what_has_no_bake_hides_but_is_not_judged():
     ball = alone.primary.coverage
     assert 0 < (ball > 0).sum() < (both > 0).sum()
     assert (alone.shadowed().buffers[:, ball == 0] == 0).all()
+
+
+def test_each_shape_has_the_material_of_its_type():
+    shapes = {x: mi.load_dict({"type": "sphere", "center": [c, 0, 0]}) for x, c in (("left", -9.0), ("right", 9.0))}
+    camera = Camera.look_at((0, 0, 30), (0, 0, 0), width=32, height=8)
+    one = truths_of(shapes, camera, LAMBERT, GREY_SKY, 128)
+    grey = Coat({"type": "diffuse", "reflectance": 0.25}, "normal")
+    two = replace(
+        one,
+        primary=replace(one.primary, types=SurfaceTypes.assign(one.primary.scene, ["right", "left"])),
+        bakes=dict.fromkeys(("right", "left"), one.bakes["*"]),
+        prepared=[SimpleNamespace(environment=GREY_SKY, material=coat) for coat in (LAMBERT, grey)],
+    )
+    covered, left = two.primary.coverage > 0, np.arange(32) < 16
+    for truth in (two.open(), two.shadowed(), two.one_map()):
+        assert_mean(truth, covered & left, 0.25 * GREY, 0.02)  # light from the other sphere: below 2 %
+        assert_mean(truth, covered & ~left, ALBEDO * GREY, 0.02)
 
 
 def test_pixels_with_a_normal_without_direction_are_not_judged():
