@@ -10,12 +10,12 @@ import pytest
 from rsibr.errors import InputError
 from rsibr.shading.camera import Camera
 
-LOOKING = mi.ScalarTransform4f
-
 
 def _sensor(**more):
     film = {"type": "hdrfilm", "width": 160, "height": 90} | more.pop("film", {})
-    to_world = LOOKING().look_at([3, 1, 4], [0, 0.2, -0.5], [0.1, 1, 0])
+    to_world = mi.ScalarTransform4f().look_at([3, 1, 4], [0, 0.2, -0.5], [0.1, 1, 0])
+    if more.pop("mirrored", False):
+        to_world = to_world @ mi.ScalarTransform4f().scale([-1, 1, 1])
     return mi.load_dict({"type": "perspective", "fov": 47.0, "to_world": to_world, "film": film} | more)
 
 
@@ -39,7 +39,7 @@ def _rays(camera: Camera, seed: int = 1):
             "principal_point_offset_x": -0.2,
             "film": {"crop_offset_x": 3, "crop_offset_y": 5, "crop_width": 50, "crop_height": 80},
         },
-        {"to_world": LOOKING().translate([1, 2, 3]).rotate([1, 0.3, 0.2], 40).scale([-1, 1, 1])},
+        {"mirrored": True},
         {"film": {"width": 50, "height": 120}},
     ],
 )
@@ -82,7 +82,12 @@ def test_an_up_along_the_view_is_replaced(up):
 
 @pytest.mark.parametrize(
     ("position", "target", "fov"),
-    [((0, 0, 0), (0, 0, 0), 40), ((0, 0, np.nan), (0, 0, 0), 40), ((0, 0, 1), (0, 0, 0), 180), ((0, 0, 1), (0,) * 3, 0)],
+    [
+        ((0, 0, 0), (0, 0, 0), 40),
+        ((0, 0, np.nan), (0, 0, 0), 40),
+        ((0, 0, 1), (0, 0, 0), 180),
+        ((0, 0, 1), (0,) * 3, 0),
+    ],
 )
 def test_impossible_cameras_are_refused(position, target, fov):
     with pytest.raises(InputError, match="^camera: "):
