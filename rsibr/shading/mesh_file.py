@@ -240,7 +240,8 @@ def _split_by_material(content: bytes) -> tuple[bytes, bytes, dict[str, tuple[st
 
 def _obj_names(keys: Iterable[str], parts: dict[str, tuple[str, str]]) -> dict[str, str]:
     """Names of the parts of an OBJ: object, material, or both where an object has several materials."""
-    present = {key: parts[key] for key in keys if key in parts}
+    by_name = {key: "" if _NAMELESS.fullmatch(key) else key for key in keys}
+    present = {key: parts[name] for key, name in by_name.items() if any(parts.get(name, ()))}
     by_object = Counter(one for one, _ in present.values())
     names = {}
     for key, (one, of) in present.items():
