@@ -93,7 +93,8 @@ def instantiated(source: SceneSource, where: str) -> tuple[dict[str, mi.Shape], 
 
 def _require_vertices(mesh: mi.Mesh, name: str, where: str) -> None:
     """Refuse faces of vertices that do not exist: Mitsuba reads whatever lies there."""
-    faces = mi.traverse(mesh)["faces"]
+    values = mi.traverse(mesh)
+    faces = values["faces"] if "faces" in values else mi.UInt32()
     if dr.width(faces) and int(dr.max(faces)[0]) >= mesh.vertex_count():
         what = f"'{name}' has faces of vertices that do not exist ({mesh.vertex_count()} are there)"
         raise InputError(what, where=where, fix="export its file anew: it is damaged")
