@@ -90,7 +90,7 @@ def test_an_up_along_the_view_is_replaced(up):
     ],
 )
 def test_impossible_cameras_are_refused(position, target, fov):
-    with pytest.raises(InputError, match="^camera: "):
+    with pytest.raises(InputError, match=r"^camera: "):
         Camera.look_at(position, target, fov_deg=fov)
 
 

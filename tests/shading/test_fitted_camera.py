@@ -26,5 +26,5 @@ def test_the_box_fills_the_picture_but_for_a_margin(torus, direction, size):
 
 @pytest.mark.parametrize("direction", [(0, 0, 0), (np.nan, 0, 1)])
 def test_what_is_no_direction_is_refused(torus, direction):
-    with pytest.raises(InputError, match="^camera: the direction"):
+    with pytest.raises(InputError, match=r"^camera: the direction"):
         fitted_camera(torus, direction)

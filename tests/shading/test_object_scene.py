@@ -15,7 +15,7 @@ def _sphere(x=0.0, radius=1.0):
 
 
 def test_a_scene_without_shapes_is_refused():
-    with pytest.raises(InputError, match="^empty: no shape to shade"):
+    with pytest.raises(InputError, match=r"^empty: no shape to shade"):
         ObjectScene("empty", {})
 
 

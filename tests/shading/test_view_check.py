@@ -52,7 +52,7 @@ def test_an_object_seen_from_outside_gives_no_note(torus):
 )
 def test_a_single_picture_without_the_object_is_refused_and_a_frame_has_a_note(torus, position, target, reason):
     camera = _looking(position, target)
-    with pytest.raises(InputError, match=f"^camera: no ray meets 'torus': {reason}. Move the camera"):
+    with pytest.raises(InputError, match=rf"^camera: no ray meets 'torus': {reason}. Move the camera"):
         _notes(torus, camera)
     (note,) = _notes(torus, camera, is_single=False)
     assert note.startswith("nothing of 'torus' is seen")
@@ -61,7 +61,7 @@ def test_a_single_picture_without_the_object_is_refused_and_a_frame_has_a_note(t
 @pytest.mark.parametrize("is_single", [True, False])
 def test_a_camera_within_a_closed_surface_is_refused(torus, sphere, is_single):
     for scene, position in ((torus, (1.0, 0.05, 0)), (sphere, (0.2, 0.1, 0))):
-        with pytest.raises(InputError, match=f"^camera: it is inside '{scene.name}'. Move it out of the box"):
+        with pytest.raises(InputError, match=rf"^camera: it is inside '{scene.name}'. Move it out of the box"):
             _notes(scene, _looking(position, (0, 0, 2)), is_single=is_single)
 
 
