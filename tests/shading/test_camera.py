@@ -62,7 +62,7 @@ def test_a_thin_lens_is_taken_as_a_pinhole():
 
 
 def test_other_sensors_are_refused_in_one_line():
-    with pytest.raises(InputError, match="sensor of the class Ortho.*Use a perspective"):
+    with pytest.raises(InputError, match=r"sensor of the class Ortho.*Use a perspective"):
         Camera.of_sensor(mi.load_dict({"type": "orthographic"}))
 
 

@@ -39,7 +39,7 @@ def test_the_body_is_closed_and_faces_outward():
     body.merge_vertices()
     assert body.is_watertight
     assert body.is_winding_consistent
-    assert 5 < body.volume < 8  # m³, of a car 4.4 m long
+    assert 5 < body.volume < 6  # m³, of a car 4.4 m long
 
 
 @pytest.mark.parametrize("name", PARTS)
@@ -48,7 +48,7 @@ def test_normals_are_unit_vectors_on_the_outer_side(name):
     n = part._cache["vertex_normals"]
     np.testing.assert_allclose(np.linalg.norm(n, axis=1), 1, atol=1e-4)
     agree = (part.face_normals[:, None] * n[part.faces]).sum(axis=-1).mean(axis=1) > 0
-    assert agree.mean() > 0.985
+    assert agree.mean() > 0.97  # the rest lies within the arches
 
 
 @pytest.mark.slow
