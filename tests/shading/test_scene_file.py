@@ -41,7 +41,7 @@ INSTANCES = """<scene version="3.0.0">
   <shape type="sphere"><point name="center" x="0" y="1" z="0"/><float name="radius" value="0.4"/></shape>
 </shape>
 <shape type="instance" id="i"><ref id="g"/><transform name="to_world">
-  <rotate x="1" y="0.2" angle="40"/><translate x="1.5"/></transform></shape>
+  <rotate x="0.6" y="0.8" angle="40"/><translate x="1.5"/></transform></shape>
 <shape type="instance"><ref id="g"/><transform name="to_world"><translate x="-1"/></transform></shape>
 </scene>"""
 
@@ -113,8 +113,14 @@ def test_instances_meet_rays_where_mitsubas_do(tmp_path, rng):
     hit = np.array(expected.is_valid())
     assert 40 < hit.sum() < 400
     assert np.array_equal(hit, np.array(got.is_valid()))
-    np.testing.assert_allclose(np.array(got.t)[hit], np.array(expected.t)[hit], rtol=1e-3)
-    np.testing.assert_allclose(np.array(got.n)[:, hit], np.array(expected.n)[:, hit], atol=1e-2)
+    np.testing.assert_allclose(np.array(got.t)[hit], np.array(expected.t)[hit], rtol=1e-4)
+    np.testing.assert_allclose(np.array(got.n)[:, hit], np.array(expected.n)[:, hit], atol=1e-3)
+
+
+def test_an_instance_that_stretches_a_sphere_is_refused(tmp_path):
+    stretched = INSTANCES.replace('<translate x="-1"/>', '<scale x="2"/>')
+    with pytest.raises(InputError, match="an instance stretches or shears a sphere"):
+        open_scene(_xml(tmp_path, stretched))
 
 
 def test_a_dictionary_with_loaded_objects_works():
