@@ -139,7 +139,7 @@ def _triangle_meshes(path: Path, content: bytes) -> Iterator[tuple[str, Triangle
             if {vertices.shape[1:], faces.shape[1:]} != {(3,)}:
                 raise _damaged(path)
             given = geometry.vertex_normals if "vertex_normals" in geometry._cache else None
-            mesh = TriangleMesh(vertices, faces, given if np.shape(given) == vertices.shape else None)
+            mesh = TriangleMesh(vertices, faces, given if given is not None and given.shape == vertices.shape else None)
             name = unique_name(names.get(key, key), taken)
             taken.add(name)
             yield name, _transformed(mesh, np.asarray(matrix, np.float64))

@@ -119,7 +119,7 @@ def _gltf(uri):
         ("a.obj", "hello world\n" * 10, "no triangle with an area"),
         ("a.obj", CORNERS, "no triangle with an area"),
         ("a.obj", CORNERS + "f 1 2 9\n", "damaged"),
-        ("a.obj", CORNERS.replace("\n", " 7 7\n") + "f 1 2 3\n", "no OBJ file that can be read, or damaged"),
+        ("a.obj", "v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "no OBJ file that can be read, or damaged"),
         ("a.gltf", "hello", "no GLTF file that can be read, or damaged"),
         ("a.stl", "hello world\n" * 10, "no triangle with an area"),
         ("a.glb", "hello world\n" * 10, "no GLB file"),
