@@ -92,15 +92,18 @@ def test_scene_graphs_are_applied_and_mirrored_parts_stay_outward(tmp_path):
         assert ((outward * _normals(shape)).sum(axis=1) > 0).all()
 
 
-def test_normals_follow_a_scale_that_is_not_uniform(tmp_path):
+@pytest.mark.parametrize("scale", [(1.0, 3.0, 0.5), (-1.0, 3.0, 0.5)])
+def test_normals_follow_a_scale_that_is_not_uniform(tmp_path, scale):
     torus = torus_mesh(48, 24)
     scene = trimesh.Scene()
-    stretch = np.diag([1.0, 3, 0.5, 1])
+    stretch = np.diag([*scale, 1])
     made = trimesh.Trimesh(torus.vertices, torus.faces, vertex_normals=torus.normals, process=False)
     scene.add_geometry(made, node_name="ring", geom_name="ring", transform=stretch)
     scene.export(tmp_path / "ring.glb")
-    (shape,) = load_meshes(tmp_path / "ring.glb")[0].values()
-    expected = torus.normals / [1, 3, 0.5]
+    shapes, notes = load_meshes(tmp_path / "ring.glb")
+    (shape,) = shapes.values()
+    assert notes == ()
+    expected = torus.normals / scale
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
     np.testing.assert_allclose(_normals(shape), expected, atol=1e-5)
 
