@@ -127,7 +127,7 @@ class Camera:
     @property
     def forward(self) -> NDArray[np.float64]:
         """Unit view direction in world coordinates."""
-        return -self.axes[:, 2]
+        return 0.0 - self.axes[:, 2]
 
     @property
     def half_width(self) -> float:
