@@ -117,8 +117,8 @@ class Camera:
             np.array(value, dtype=np.float64).reshape(2)
             for value in (film.size(), film.crop_size(), film.crop_offset())
         )
-        shift = [_number(values[f"principal_point_offset_{axis}"]) for axis in "xy"]
-        window = np.concatenate([corner / whole - shift, crop / whole])
+        shift = [_number(values[key]) if (key := f"principal_point_offset_{axis}") in values else 0.0 for axis in "xy"]
+        window = np.concatenate([corner / whole + shift, crop / whole])
         to_world = np.array(sensor.world_transform().matrix, dtype=np.float64).reshape(4, 4)
         axes = to_world[:3, :3] * np.array([-1.0, 1.0, -1.0])  # Mitsuba's columns: left, up, forward
         axes /= np.linalg.norm(axes, axis=0)
@@ -127,7 +127,7 @@ class Camera:
     @property
     def forward(self) -> NDArray[np.float64]:
         """Unit view direction in world coordinates."""
-        return -self.axes[:, 2]
+        return 0.0 - self.axes[:, 2]
 
     @property
     def half_width(self) -> float:

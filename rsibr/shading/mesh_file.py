@@ -135,8 +135,11 @@ def _triangle_meshes(path: Path, content: bytes) -> Iterator[tuple[str, Triangle
         matrix, key = scene.graph[node]
         geometry = scene.geometry[key]
         if isinstance(geometry, trimesh.Trimesh):
+            vertices, faces = geometry.vertices.view(np.ndarray), geometry.faces.view(np.ndarray)
+            if {vertices.shape[1:], faces.shape[1:]} != {(3,)}:
+                raise _damaged(path)
             given = geometry.vertex_normals if "vertex_normals" in geometry._cache else None
-            mesh = TriangleMesh(geometry.vertices.view(np.ndarray), geometry.faces.view(np.ndarray), given)
+            mesh = TriangleMesh(vertices, faces, given if given is not None and given.shape == vertices.shape else None)
             name = unique_name(names.get(key, key), taken)
             taken.add(name)
             yield name, _transformed(mesh, np.asarray(matrix, np.float64))
@@ -167,11 +170,14 @@ def _parsed(path: Path, content: bytes) -> tuple[Any, dict[str, str]]:
     except Exception as error:  # parsers raise all kinds on damaged files, with messages for programmers
         if refused := getattr(resolver, "refused", None):
             raise refused from None
-        reason = "" if not isinstance(error, NotImplementedError) else f": {error}"
-        what = f"it is no {kind.upper()} file that can be read, or damaged{reason}"
-        raise InputError(what, where=str(path), fix="export it anew") from None
+        raise _damaged(path, f": {error}" if isinstance(error, NotImplementedError) else "") from None
     unnamed = {key: path.stem for key in scene.geometry if kind in ("ply", "stl") or _NAMELESS.fullmatch(key)}
     return scene, unnamed | _obj_names(scene.geometry, parts)
+
+
+def _damaged(path: Path, reason: str = "") -> InputError:
+    what = f"it is no {path.suffix[1:].upper()} file that can be read, or damaged{reason}"
+    return InputError(what, where=str(path), fix="export it anew")
 
 
 class _quiet:  # noqa: N801  # named like the context managers of contextlib
@@ -197,6 +203,8 @@ class _BelowFolder:
 
     def get(self, name: str) -> bytes:
         folder, where = self.path.resolve().parent, str(self.path)
+        if name == "model.gltf":  # what trimesh asks for if a glTF is no JSON
+            raise _damaged(self.path)
         try:
             place = (folder / name).resolve()
             if not place.is_relative_to(folder):
@@ -240,7 +248,8 @@ def _split_by_material(content: bytes) -> tuple[bytes, bytes, dict[str, tuple[st
 
 def _obj_names(keys: Iterable[str], parts: dict[str, tuple[str, str]]) -> dict[str, str]:
     """Names of the parts of an OBJ: object, material, or both where an object has several materials."""
-    present = {key: parts[key] for key in keys if key in parts}
+    by_name = {key: "" if _NAMELESS.fullmatch(key) else key for key in keys}
+    present = {key: parts[name] for key, name in by_name.items() if any(parts.get(name, ()))}
     by_object = Counter(one for one, _ in present.values())
     names = {}
     for key, (one, of) in present.items():

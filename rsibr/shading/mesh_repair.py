@@ -94,7 +94,9 @@ def repaired(mesh: TriangleMesh, name: str, where: str) -> tuple[TriangleMesh, t
     edges = _Edges.of(welded, mesh.faces.shape[0])
     mesh, turned = _wound(mesh, edges)
     if turned:
-        notes.append(f"'{name}': {_share(turned, len(mesh.faces), 'triangle')} wound against the others, and turned")
+        is_whole = turned == len(mesh.faces)
+        what = f"{_share(turned, len(mesh.faces), 'triangle')} wound against the others, and turned"
+        notes.append(f"'{name}': {'it was inside out, and was turned' if is_whole else what}")
         edges = _Edges.of(_welded(mesh), mesh.faces.shape[0])
     if mesh.normals is None or not _usable(mesh.normals).any():
         return _with_creases(mesh, edges), tuple(notes)
@@ -189,7 +191,6 @@ def _wound(mesh: TriangleMesh, edges: _Edges) -> tuple[TriangleMesh, int]:
     """
     count = len(mesh.faces)
     turned = np.zeros(count, bool)
-    part = np.zeros(count, np.int64)
     f, g = edges.first // 3, edges.second // 3
     if not edges.agree.all():
         offset = np.where(edges.agree, 0, count)
@@ -200,11 +201,10 @@ def _wound(mesh: TriangleMesh, edges: _Edges) -> tuple[TriangleMesh, int]:
         here, there = sheet[:count], sheet[count:]
         turned = (upright[there] > upright[here]) | ((upright[there] == upright[here]) & (there < here))
     if edges.is_closed:
-        part = _components(f, g, count)
         a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices.mean(axis=0) for k in range(3))
         volume = (a * np.cross(b, c)).sum(axis=1) * np.where(turned, -1, 1)
         # One surface inside another may bound a cavity: only a mesh that is inside out as a whole is turned
-        turned ^= bool(volume.sum() < 0) and part.max() >= 0
+        turned ^= bool(volume.sum() < 0)
     if not turned.any():
         return mesh, 0
     faces = np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)

@@ -14,6 +14,7 @@ from typing import Any
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from rsibr import backend
 from rsibr.errors import InputError
@@ -31,6 +32,8 @@ SceneSource = dict[str, Any] | Path | str
 _FIX = "see Mitsuba's plugin reference"
 _TRIAL = "rsibr.shading.scene_trial_child"
 _PERSPECTIVE = ("perspective", "thinlens")
+_ROUND = ("sphere", "cylinder")
+"""Shapes that Mitsuba has in no stretched form."""
 _GROUPS = ("shapegroup", "instance")
 
 
@@ -93,7 +96,8 @@ def instantiated(source: SceneSource, where: str) -> tuple[dict[str, mi.Shape], 
 
 def _require_vertices(mesh: mi.Mesh, name: str, where: str) -> None:
     """Refuse faces of vertices that do not exist: Mitsuba reads whatever lies there."""
-    faces = mi.traverse(mesh)["faces"]
+    values = mi.traverse(mesh)
+    faces = values["faces"] if "faces" in values else mi.UInt32()
     if dr.width(faces) and int(dr.max(faces)[0]) >= mesh.vertex_count():
         what = f"'{name}' has faces of vertices that do not exist ({mesh.vertex_count()} are there)"
         raise InputError(what, where=where, fix="export its file anew: it is damaged")
@@ -217,8 +221,20 @@ def _copies(state: mi.parser.ParserState, instance: mi.parser.SceneNode, where: 
             copy.props = mi.Properties(state.nodes[index].props)
             transforms = [node.props["to_world"] for node in (instance, copy) if "to_world" in node.props]
             if transforms:
-                copy.props["to_world"] = transforms[0] if len(transforms) == 1 else transforms[0] @ transforms[1]
+                whole = transforms[0] if len(transforms) == 1 else transforms[0] @ transforms[1]
+                plugin = copy.props.plugin_name()
+                if plugin in _ROUND and not _keeps_shape(whole):
+                    fix = "use a mesh, or one scale for all directions"
+                    raise InputError(f"an instance stretches or shears a {plugin}", where=where, fix=fix)
+                copy.props["to_world"] = whole
             yield copy
+
+
+def _keeps_shape(transform: mi.ScalarTransform4f) -> bool:
+    """Whether it rotates, moves and scales by one factor only."""
+    linear = np.array(transform.matrix, dtype=np.float64).reshape(4, 4)[:3, :3]
+    metric = linear.T @ linear
+    return bool(np.allclose(metric, np.trace(metric) / 3 * np.eye(3), atol=1e-4 * np.trace(metric)))
 
 
 def _strip(state: mi.parser.ParserState, shape: mi.parser.SceneNode, dropped: Counter[str]) -> None:

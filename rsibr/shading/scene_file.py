@@ -52,7 +52,7 @@ def open_scene(source: Path | str | dict[str, Any]) -> ObjectScene:
         return ObjectScene(SPHERE, {SPHERE: backend.load({"type": "sphere", "id": SPHERE})})
     path = Path(source)
     if not is_file(path):
-        what = "it is a folder" if path.is_dir() else "there is no such file"
+        what = "it is a folder" if _is_folder(path) else "there is no such file"
         fix = f"name a Mitsuba XML file, a mesh ({', '.join(SUFFIXES)}), or '{SPHERE}'"
         raise InputError(what, where=str(path), fix=fix)
     suffix = path.suffix.lower()
@@ -71,3 +71,10 @@ def _bounded(scene: ObjectScene) -> ObjectScene:
         fix = "check transforms and vertices"
         raise InputError("it has no finite extent: coordinates that are no numbers", where=scene.name, fix=fix)
     return scene
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except OSError:  # a name that the system cannot hold
+        return False

@@ -36,7 +36,7 @@ def _exercise(source: SceneSource) -> None:
     scene = ObjectScene("trial", shapes)
     u = dr.linspace(mi.Float, 0.01, 0.99, _RAYS)
     away = mi.warp.square_to_uniform_sphere(mi.Point2f(u, 0.5))
-    ray = mi.Ray3f(mi.Point3f(*scene.centre) + 2 * scene.radius * away, -away)
+    ray = mi.Ray3f(mi.Point3f(scene.centre.tolist()) + 2 * scene.radius * away, -away)
     dr.eval(first_surfaces(scene.geometry, ray))
     dr.sync_thread()
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicSpline
 
 Points = NDArray[np.float64]
 Part = tuple[Points, Points, NDArray[np.int64]]
@@ -25,7 +25,7 @@ _AXIS_HEIGHT, _AXIS_ENDS = 0.68, (-1.55, 1.55)
 
 def _curve(*points: tuple[float, float]) -> Callable[[Points], Points]:
     x, y = np.array(sorted(points)).T
-    return PchipInterpolator(x, y, extrapolate=True)
+    return CubicSpline(x, y, bc_type="natural")
 
 
 # ---- Side view: bonnet, belt and boot; roof with both screens; half width at the belt ----
@@ -186,7 +186,7 @@ def patch(outline: Points, toward: Points, height: float = 0.004, rings: int = 9
         outline = np.stack([0.8 * outline + 0.2 * after, 0.2 * outline + 0.8 * after], axis=1).reshape(-1, 3)
     direction = np.asarray(toward, float) / np.linalg.norm(toward)
     centre = outline.mean(axis=0)
-    radii = np.append(np.linspace(0.06, 1, rings), 1.0)
+    radii = np.append(np.linspace(0.06, 1, rings), 1.02)
     points = centre + radii[:, None, None] * (outline - centre)
     surface = _met(points - 1.2 * direction, np.broadcast_to(direction, points.shape), 0.0, 2.2, 220)
     normals = _normals(surface)
@@ -199,6 +199,7 @@ def patch(outline: Points, toward: Points, height: float = 0.004, rings: int = 9
         [_grid(rows, columns), np.stack([np.roll(hub, -1), hub, np.full(columns, rows * columns)], -1)]
     )
     n = np.concatenate([normals.reshape(-1, 3), normals[0].mean(axis=0, keepdims=True)])
+    n[-1] /= np.linalg.norm(n[-1])
     across = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
     if (across * n[faces[:, 0]]).sum() < 0:
         faces = faces[:, ::-1]
@@ -247,9 +248,9 @@ def _ellipsoid(centre: Points, axes: Points, power: float = 2.0, rows: int = 14,
     local = d / (np.abs(d) ** power).sum(axis=1, keepdims=True) ** (1 / power)
     n = np.sign(local) * np.abs(local) ** (power - 1) @ np.linalg.inv(axes).T
     ring, last = np.arange(columns), rows * columns
-    caps = [np.stack([ring, np.roll(ring, -1), np.full(columns, last)], -1)]
+    caps = [np.stack([np.roll(ring, -1), ring, np.full(columns, last)], -1)]
     bottom = ring + last - columns
-    caps.append(np.stack([np.roll(bottom, -1), bottom, np.full(columns, last + 1)], -1))
+    caps.append(np.stack([bottom, np.roll(bottom, -1), np.full(columns, last + 1)], -1))
     vertices = centre + local @ axes
     faces = np.concatenate([_grid(rows, columns), *caps])
     return vertices, n / np.linalg.norm(n, axis=1, keepdims=True), _outward(vertices, faces)
@@ -314,8 +315,11 @@ def rubber() -> Part:
     lining = _lathe(
         np.array([(0.02, -0.2), (0.38, -0.2), (0.38, 0.09), (0.36, 0.08), (0.36, -0.17), (0.02, -0.17)]), 40
     )
-    parts = []
+    vertices, normals, faces = lining
+    lining = vertices, normals, faces[(vertices[faces, 1] > -0.16).all(axis=1)]  # above the sill
+    parts, brake = [], _lathe(np.array([(0.01, 0.02), (0.225, 0.02), (0.225, -0.02), (0.01, -0.02)]), 24)
     for x in WHEELS:
+        parts += _both(_moved(brake, (x, AXLE_HEIGHT, TRACK)))
         parts += [*_both(_moved(tyre, (x, AXLE_HEIGHT, TRACK))), *_both(_moved(lining, (x, AXLE_HEIGHT, TRACK)))]
     grille = _front(2.0, (0.46, 0.335), (0.40, 0.465), (-0.40, 0.465), (-0.46, 0.335))
     parts.append(patch(grille, np.array([-1.0, 0, 0])))
