@@ -19,7 +19,7 @@ import mitsuba as mi
 from rsibr.methods.inputs import MethodInputs
 from rsibr.shading.lookups.registry import Shade
 from rsibr.shading.object_scene import ObjectScene
-from rsibr.shading.occlusion.arriving import BOUNCES, ArrivingLight
+from rsibr.shading.occlusion.arriving import BOUNCES, RAYS, ArrivingLight
 from rsibr.shading.occlusion.material_parts import MaterialParts
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.shading.surfaces import Surfaces
@@ -60,9 +60,10 @@ class Occlusion:
         *,
         gloss: bool = True,
         bounces: int = BOUNCES,
+        rays: int = RAYS,
     ) -> Occlusion:
         """Prepare the occlusion of a scene; parameters as of `ArrivingLight.of`."""
-        arriving = ArrivingLight.of(scene, types, inputs, bounces=bounces)
+        arriving = ArrivingLight.of(scene, types, inputs, bounces=bounces, rays=rays)
         parts = [MaterialParts.of(one) for one in inputs]
         return cls(scene.geometry, arriving, parts, dr.opaque(mi.Float, _LIFT * scene.radius), gloss)
 
