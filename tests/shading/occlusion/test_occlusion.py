@@ -15,6 +15,14 @@ from tests.shading.occlusion.objects import constant_light, inputs_of, mesh_of, 
 RAYS = 64
 
 
+@pytest.fixture(autouse=True, scope="module")
+def _few_points():
+    """Fewer points than a picture needs: they cost the time of these tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("rsibr.shading.occlusion.surface_points.MOST_REFINED", 2**13)
+        yield
+
+
 def seen(scene, origin, target, count=64):
     """Surfaces along a bundle of rays."""
     grid = (np.arange(count) + 0.5) / count - 0.5

@@ -21,7 +21,7 @@ def test_a_sphere_hides_nothing_from_itself():
 
 
 def test_the_inside_of_half_a_sphere():
-    """Its inner side is a third of what is seen from all around, and the cap fills Ω/4π = ½ of the sky of each point."""
+    """Its inner side is a third of what is seen from all around, and its cap fills Ω/4π = ½ of the sky of a point."""
     ball = trimesh.creation.icosphere(5)
     ball.update_faces(ball.triangles_center[:, 2] < 0)
     ball.invert()
