@@ -30,6 +30,10 @@ VIEW_RAYS = 2**13
 SKY_RAYS = 64
 """Cosine-weighted rays of each point."""
 
+MOST_OF_A_POINT = 10.0
+"""Most that a point counts in an estimated relMSE: a pixel averages over mirror rays, a point has one. Without it the
+estimate for metals is tens of times what path tracing shows; with it, within a factor of seven on five meshes."""
+
 
 @dataclass(frozen=True)
 class TypeVisibility:
@@ -160,7 +164,7 @@ def _lifted(scene: ObjectScene, p: Array, facing: Array) -> mi.Point3f:
 
 def _relative(estimate: Array, truth: Array) -> float:
     floor = (0.1 * truth.mean(axis=0)) ** 2 + 1e-30
-    return float(((estimate - truth) ** 2 / (truth**2 + floor)).mean())
+    return float(np.minimum((estimate - truth) ** 2 / (truth**2 + floor), MOST_OF_A_POINT).mean())
 
 
 def _single(rows: Array) -> NDArray[np.float32]:
