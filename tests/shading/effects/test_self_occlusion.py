@@ -1,6 +1,12 @@
 """Self-occlusion: on for hollow dielectrics, off for convex objects and metals."""
 
+import trimesh
+
+from rsibr.shading.camera import Camera
+from rsibr.shading.effects.evidence import Evidence, SceneEvidence
 from rsibr.shading.effects.self_occlusion import self_occlusion
+from rsibr.shading.surface_types import SurfaceTypes
+from tests.shading.occlusion.objects import constant_light, inputs_of, scene_of, torus
 
 
 def test_evidence_decides(evidence):
@@ -27,3 +33,12 @@ def test_metals_stay_open_and_are_told(evidence):
         assert not metal.on
         assert metal.missed
         assert "metals" in metal.why
+
+
+def test_shapes_without_a_bake_are_told():
+    ball = trimesh.creation.icosphere(2, radius=0.5)
+    scene = scene_of(ring=torus(), ball=ball)
+    of_scene = SceneEvidence(scene, SurfaceTypes.assign(scene, ["ring"]), [inputs_of(constant_light())])
+    effect = self_occlusion(Evidence(of_scene, Camera.look_at((0, 0, 5), (0, 0, 0))))
+    assert effect.on
+    assert effect.why.endswith("reflect nothing: ball")
