@@ -95,10 +95,14 @@ class Occlusion:
         return occluded
 
     def _past(self, surfaces: Surfaces, gloss: mi.Color3f, albedo: mi.Color3f) -> mi.Color3f:
-        """Gloss, or the reflection of the surface that the mirror ray meets."""
+        """Gloss, or the reflection of the surface that the mirror ray meets.
+
+        A mirror ray of an interpolated normal may point into the flat triangle: it meets the surface at its start.
+        """
         d = mi.reflect(surfaces.v, surfaces.n)
         above = surfaces.hit & (dr.dot(d, surfaces.facing) > 0)
         start = surfaces.p + self.lift * surfaces.facing
         ray = mi.Ray3f(start, d)
         met = self.geometry.ray_intersect_preliminary(ray, active=above)
-        return dr.select(above & met.is_valid(), albedo * self.arriving.exitant.met(ray, met, above), gloss)
+        other = dr.select(above, self.arriving.exitant.met(ray, met, above), self.arriving.exitant.on(surfaces, 0))
+        return dr.select(surfaces.hit & (~above | met.is_valid()), albedo * other, gloss)

