@@ -59,7 +59,13 @@ class ArrivingLight:
 
     @classmethod
     def of(
-        cls, scene: ObjectScene, types: SurfaceTypes, inputs: Sequence[MethodInputs], *, bounces: int = BOUNCES
+        cls,
+        scene: ObjectScene,
+        types: SurfaceTypes,
+        inputs: Sequence[MethodInputs],
+        *,
+        bounces: int = BOUNCES,
+        rays: int = RAYS,
     ) -> ArrivingLight:
         """Gather the light at all vertices.
 
@@ -73,10 +79,12 @@ class ArrivingLight:
             Inputs of the bake of each type.
         bounces : int
             Reflections between surfaces that are followed.
+        rays : int
+            Rays a point to the sky, at most.
         """
         start = time.perf_counter()
         points = SurfacePoints.of(scene.shapes, types.of_shape, scene.radius)
-        rays = int(np.clip(MOST_RAYS // max(len(points), 1), _FEWEST, RAYS))
+        rays = min(rays, max(MOST_RAYS // max(len(points), 1), _FEWEST))
         lit = [(index, one) for index, one in enumerate(inputs) if one.bake.manifest.light is not None]
         groups = [_Group.of(points, types, index, one) for index, one in lit]
         groups = [group for group in groups if group.rows.any()]
@@ -89,7 +97,8 @@ class ArrivingLight:
         for _ in range(bounces):
             shining = plain.holding(_exitant(points, groups, sky, bounced))
             bounced = [
-                reflected(scene.geometry, places[id(group)], shining, min(rays, BOUNCE_RAYS)) for group in groups
+                reflected(scene.geometry, places[id(group)], shining, min(rays, BOUNCE_RAYS), light.hidden)
+                for group, light in zip(groups, sky, strict=True)
             ]
         values = np.ones((len(points), 3), np.float32)
         for group, light, more in zip(groups, sky, bounced, strict=True):
