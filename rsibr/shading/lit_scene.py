@@ -55,7 +55,7 @@ def lit_scene(
     for name, index in types.of_shape.items():
         scene.shapes[name].set_bsdf(materials[index])
     emitter = prepared[0].environment.emitter()
-    return backend.load({"type": "scene", **scene.shapes, "environment": emitter, **(extra or {})})
+    return scene.loaded({"environment": emitter, **(extra or {})})
 
 
 def prepared_scenes(bakes: Mapping[str, Bake]) -> list[Scene]:
