@@ -26,6 +26,7 @@ from rsibr.methods.registry import default_method, registration
 from rsibr.scene import blend
 from rsibr.scene.paint import car_paint
 from rsibr.shading.camera import Camera
+from rsibr.shading.effects.registry import check_switches
 from rsibr.shading.lookups.registry import Shade, lookup_named
 from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.renderer import ObjectRenderer
@@ -78,6 +79,8 @@ class BakedRadiance:
         Method of all bakes; by default that of `rsibr.reconstruct`.
     lookup : string
         How a pixel takes its radiance from the method, see `rsibr.shading.lookups.registry`; by default `pixel`.
+    occlusion : string
+        Whether shapes hide the environment from each other: `auto` (default), `on`, `off`.
     hide_emitters : boolean
         Passed on to the default nested integrator.
     (nested) : integrator
@@ -93,7 +96,11 @@ class BakedRadiance:
         self._rendering = _rendering(mi.variant())
         self._nested = _nested(props, hides=self.hide_emitters)
         self._method: str | None = props.get("method", None)
-        self._lookup: str = lookup_named(props.get("lookup", _PIXEL)).name
+        self._lookup: str = props.get("lookup", _PIXEL)
+        if self._lookup != "auto":
+            lookup_named(self._lookup)
+        self._occlusion: str = props.get("occlusion", "auto")
+        check_switches({"self_occlusion": self._occlusion})
         self._bakes = {name: _opened(path, self._method) for name, path in _named_bakes(props).items()}
         self._prepared: Prepared | None = None
         self._shades: list[Shade] | None = None
@@ -165,13 +172,14 @@ class BakedRadiance:
         return mi.mueller.depolarizer(spectrum) if self._rendering == "spectral_polarized" else spectrum
 
     def _shades_toward(self, scene: mi.Scene, sensor: mi.Sensor | None) -> list[Shade]:
-        camera = _ANYWHERE
-        if self._lookup != _PIXEL:
-            if sensor is None:
-                fix = f"make it the scene's integrator itself, or use lookup = '{_PIXEL}'"
-                raise InputError(f"lookup '{self._lookup}' needs to know the sensor", where=_WHERE, fix=fix)
-            camera = Camera.of_sensor(sensor)
-        return [lookup.toward(camera) for lookup in self._made(scene).renderer.lookups]
+        renderer = self._made(scene).renderer
+        if self._lookup == _PIXEL:  # the same for every camera
+            return renderer.shades(_ANYWHERE, renderer.plan)
+        if sensor is None:
+            fix = f"make it the scene's integrator itself, or use lookup = '{_PIXEL}'"
+            raise InputError(f"lookup '{self._lookup}' needs to know the sensor", where=_WHERE, fix=fix)
+        camera = Camera.of_sensor(sensor)
+        return renderer.shades(camera, renderer.plan_of(camera))
 
     def _made(self, scene: mi.Scene) -> Prepared:
         """What the scene needs, made anew if it is another one than before."""
@@ -180,7 +188,7 @@ class BakedRadiance:
         if self._prepared is None or self._prepared.shapes != addresses:
             with backend.rendering(self._rendering):
                 objects = ObjectScene("the scene", _by_id(shapes, self._bakes))
-                renderer = ObjectRenderer(objects, self._bakes, self._method, self._lookup)
+                renderer = ObjectRenderer(objects, self._bakes, self._method, self._lookup, occlusion=self._occlusion)
                 spectrum = None if self._rendering == "rgb" else RgbSpectrum()
             self._prepared = Prepared(addresses, renderer, spectrum)
         return self._prepared
