@@ -10,6 +10,7 @@ on others, the nested integrator sees the scene's own BSDFs and emitters.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -90,6 +91,9 @@ class BakedRadiance:
     -----
     Radiance from bakes has no derivatives; it is not attenuated by media; a shape's `opacity` is ignored.
     """
+
+    hide_emitters: bool  # of Mitsuba's base class
+    skip_area_emitters: Callable[..., Any]
 
     def __init__(self, props: mi.Properties) -> None:
         mi.SamplingIntegrator.__init__(self, props)
@@ -272,7 +276,7 @@ def _class_of(variant: str) -> type:
 @backend.on_variant
 def register() -> None:
     """Register the integrator in the current variant."""
-    mi.register_integrator(PLUGIN, lambda props: _class_of(mi.variant())(props))
+    mi.register_integrator(PLUGIN, _class_of(mi.variant()))
 
 
 def register_plugins() -> None:
