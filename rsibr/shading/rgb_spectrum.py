@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rsibr.geometry.to_device import to_device
 
 _NODES = np.linspace(360.0, 830.0, 95)
+_LUMINANCE_OF_ONE = 106.7502593994140625  # Mitsuba's value of the integral of the CIE 1931 luminance function [nm]
 _FINE = 10  # steps of the integration between two nodes
 
 
@@ -46,12 +47,11 @@ def smoothest_basis() -> NDArray[np.float64]:
     # ---- Colour of the hat function at each node: what Mitsuba's film makes of it ----
     fine = np.linspace(_NODES[0], _NODES[-1], (len(_NODES) - 1) * _FINE + 1)
     step = fine[1] - fine[0]
-    xyz = mi.cie1931_xyz(mi.Float(fine))
-    matching = np.array(mi.xyz_to_srgb(xyz)).reshape(3, -1)
+    matching = np.array(mi.xyz_to_srgb(mi.cie1931_xyz(mi.Float(fine)))).reshape(3, -1) / _LUMINANCE_OF_ONE
     hats = np.maximum(0.0, 1.0 - np.abs(fine - _NODES[:, None]) / (_NODES[1] - _NODES[0]))
     weights = np.full(len(fine), step)
     weights[[0, -1]] /= 2
-    colours = hats @ (matching * weights).T / (np.array(xyz[1]) @ weights)  # a spectrum of 1 has luminance 1
+    colours = hats @ (matching * weights).T
     # ---- Least |D b|² subject to colours of unit vectors: a linear system with Lagrange multipliers ----
     second = np.diff(np.eye(len(_NODES)), 2, axis=0)
     system = np.block([[second.T @ second, colours], [colours.T, np.zeros((3, 3))]])
