@@ -87,7 +87,7 @@ class MethodSet(Mapping[str, Method]):
             As `__getitem__`.
         """
         found = registration(name)
-        _check_served(found, self.inputs.bake)
+        require_served(found, self.inputs.bake)
         with backend.session(), self.inputs.watched() as shared:
             start = time.perf_counter()
             made = found.make(self.inputs, **options)
@@ -101,7 +101,7 @@ class MethodSet(Mapping[str, Method]):
         return made
 
 
-def _check_served(method: Registration, bake: StoredMaps) -> None:
+def require_served(method: Registration, bake: StoredMaps) -> None:
     """Raise a BakeError if the bake is unusable, or lacks something that the method requires."""
     where = str(bake.path)
     if fault := fault_of(bake.manifest, lambda: _should_shine(bake)):

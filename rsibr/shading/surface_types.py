@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 
 import drjit as dr
@@ -31,11 +31,17 @@ class SurfaceTypes:
         Type of each shape with a bake, by shape id.
     table : mi.UInt32
         Type by number of the shape in Mitsuba's registry; `UNBAKED` without a bake.
+    size : mi.UInt32
+        Length of the table: shapes of shape groups may have greater numbers.
     """
 
     names: tuple[str, ...]
     of_shape: dict[str, int]
     table: mi.UInt32
+    size: mi.UInt32 = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.size = dr.opaque(mi.UInt32, len(self.table))  # opaque, so that scenes share kernels
 
     @classmethod
     def assign(cls, scene: ObjectScene, names: Sequence[str]) -> SurfaceTypes:
@@ -71,7 +77,8 @@ class SurfaceTypes:
 
     def of(self, surfaces: Surfaces) -> mi.UInt32:
         """Type of each surface; `UNBAKED` where there is none, or no surface."""
-        return dr.select(surfaces.hit, dr.gather(mi.UInt32, self.table, surfaces.shape, surfaces.hit), UNBAKED)
+        known = surfaces.hit & (surfaces.shape < self.size)
+        return dr.select(known, dr.gather(mi.UInt32, self.table, surfaces.shape, known), UNBAKED)
 
 
 def _table(shapes: Mapping[str, mi.Shape], of_shape: Mapping[str, int]) -> mi.UInt32:

@@ -75,7 +75,11 @@ def first_surfaces(scene: mi.Scene, ray: mi.Ray3f, active: mi.Bool | bool = True
     active : mi.Bool
         Lanes to trace.
     """
-    found = scene.ray_intersect_preliminary(ray, coherent=True, active=mi.Bool(active))
+    return surfaces_at(scene.ray_intersect_preliminary(ray, coherent=True, active=mi.Bool(active)), ray)
+
+
+def surfaces_at(found: mi.PreliminaryIntersection3f, ray: mi.Ray3f) -> Surfaces:
+    """Surfaces at intersections that have been found along rays; see `first_surfaces`."""
     at = found.compute_surface_interaction(ray, mi.RayFlags.All | mi.RayFlags.dNSdUV, found.is_valid())
     hit, v = found.is_valid(), -ray.d
     # ---- Geometric normal toward the viewer ----

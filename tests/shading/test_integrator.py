@@ -1,0 +1,251 @@
+"""The Mitsuba integrator: radiance of bakes at primary hits, Mitsuba's own everywhere else, in the user's variant."""
+
+from __future__ import annotations
+
+import threading
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from rsibr import backend
+from rsibr.baking.baker import bake
+from rsibr.methods.method_set import MethodSet
+from rsibr.scene.config import parse_config
+from rsibr.shading.camera import Camera
+from rsibr.shading.integrator import register_plugins
+from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.renderer import ObjectRenderer
+from rsibr.shading.surfaces import first_surfaces
+from rsibr.store.bake import open_bake
+
+SIZE, EYE = 32, (1.0, 1.0, 7.0)
+METHOD = "cabral1999"
+
+
+@pytest.fixture(autouse=True)
+def _variant():
+    """A user's RGB variant with the plugins; that of all other tests afterwards."""
+    mi.set_variant(backend.use())
+    register_plugins()
+    yield
+    backend.use()
+
+
+@pytest.fixture(scope="module")
+def paint(tmp_path_factory, asymmetric_environment):
+    """Path of a small bake."""
+    config = {
+        "environment": {"file": str(asymmetric_environment)},
+        "material": {"preset": "clearcoat-red"},
+        "map": {"resolution": 24},
+        "sampling": {"samples": 16},
+    }
+    folder = tmp_path_factory.mktemp("plugin")
+    return str(bake(parse_config(config, folder), out=folder / "paint.rsibr").path)
+
+
+def integrator(paint, **more):
+    return {"type": "rsibr", "bake_ball": paint, "method": METHOD, "occlusion": "off", **more}
+
+
+def scene(chosen, **more):
+    """A ball, a red one beside it, and a lamp in front of the ball, under a light that no bake knows."""
+    look = mi.ScalarTransform4f().look_at(list(EYE), [0, 0, 0], [0, 1, 0])
+    film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "pixel_format": "rgba", "rfilter": {"type": "box"}}
+    red = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.8, 0.2, 0.1]}}
+    return mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": chosen,
+            "ball": {"type": "sphere", "bsdf": {"type": "diffuse"}},
+            "red": {"type": "sphere", "center": [1.7, 0, 0], "radius": 0.6, "bsdf": red},
+            "lamp": {"type": "sphere", "center": [0, 0, 3], "radius": 0.1, "emitter": {"type": "area"}},
+            "light": {"type": "constant", "radiance": 0.7},
+            "sensor": {"type": "perspective", "fov": 40, "to_world": look, "film": film},
+            **more,
+        }
+    )
+
+
+def rendered(made, spp=16):
+    return np.array(mi.render(made, spp=spp, seed=3))
+
+
+def rays():
+    camera = Camera.look_at(EYE, (0, 0, 0), fov_deg=40, width=SIZE, height=SIZE).on_device()
+    return camera.ray(camera.centre(dr.arange(mi.UInt32, SIZE**2)))
+
+
+def sampler(size=SIZE**2):
+    made = mi.load_dict({"type": "independent"})
+    made.seed(0, size)
+    return made
+
+
+def test_primary_hits_have_exactly_the_radiance_of_the_method(paint):
+    made, ray = scene(integrator(paint)), rays()
+    found, valid, layers = made.integrator().sample(made, sampler(), mi.RayDifferential3f(ray))
+    at = first_surfaces(made, ray)
+    ball = next(shape for shape in made.shapes() if shape.id() == "ball")
+    on_ball = np.array(at.shape) == np.array(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(ball)))
+    wanted = np.array(MethodSet(open_bake(paint))[METHOD].eval(at.n, at.v))
+    assert on_ball.sum() > 100
+    np.testing.assert_allclose(np.array(found)[:, on_ball], wanted[:, on_ball], rtol=1e-5)
+    assert np.array(valid).all()
+    assert layers == []
+
+
+def test_everything_else_is_the_nested_integrators_to_the_bit(paint):
+    ours, path = rendered(scene(integrator(paint))), rendered(scene({"type": "path"}))
+    alone = ObjectRenderer(_ball(), {"*": open_bake(paint)}, METHOD, occlusion="off")
+    covered = alone.picture(_camera(), 64).alpha > 0
+    wide = covered | np.roll(covered, 1, 0) | np.roll(covered, -1, 0) | np.roll(covered, 1, 1) | np.roll(covered, -1, 1)
+    np.testing.assert_allclose(ours[~wide], path[~wide], rtol=1e-5)
+    assert np.abs(ours[covered] - path[covered]).max() > 0.1
+
+
+def test_a_picture_is_that_of_the_renderer(paint):
+    made = scene(integrator(paint, hide_emitters=True))
+    ours = rendered(made, 256)
+    wanted = ObjectRenderer(_ball(), {"*": open_bake(paint)}, METHOD, occlusion="off").picture(_camera(), 256)
+    inside = np.array(rendered(made, 16))[..., 3] == 1
+    inside &= (wanted.alpha == 1) & (np.arange(SIZE) < 19)  # left of the red ball
+    assert inside.sum() > 60
+    np.testing.assert_allclose(ours[inside, :3].mean(0), wanted.radiance[inside].mean(0), rtol=0.02)
+    np.testing.assert_allclose(ours[inside, :3], wanted.radiance[inside], rtol=0.1, atol=0.02)
+
+
+def test_hidden_emitters_are_seen_through_and_the_background_is_transparent(paint):
+    hidden = scene(integrator(paint, hide_emitters=True))
+    toward_lamp = mi.RayDifferential3f(mi.Ray3f([0, 0, 6], [0, 0, -1]))
+    found = hidden.integrator().sample(hidden, sampler(1), toward_lamp)[0]
+    wanted = MethodSet(open_bake(paint))[METHOD].eval(mi.Vector3f(0, 0, 1), mi.Vector3f(0, 0, 1))
+    np.testing.assert_allclose(np.array(found), np.array(wanted), rtol=1e-4)
+    assert rendered(hidden)[0, 0].tolist() == [0, 0, 0, 0]
+    assert rendered(scene(integrator(paint)))[0, 0, 3] == 1
+
+
+def test_the_aov_integrator_adds_depth_and_normals(paint):
+    chosen = {"type": "aov", "aovs": "d:depth,n:sh_normal", "img": integrator(paint)}
+    layers = rendered(scene(chosen))
+    np.testing.assert_allclose(layers[..., :4], rendered(scene(integrator(paint))), rtol=1e-5)
+    assert layers.shape[-1] == 8
+    assert layers[14, 14, 4] == pytest.approx(np.linalg.norm(EYE) - 1, abs=0.1)
+
+
+def test_one_bake_for_all_leaves_emitters_as_they_are(paint):
+    all_of_it = {"type": "rsibr", "bake": paint, "method": METHOD, "occlusion": "off"}
+    made = scene(all_of_it)
+    lamp = mi.RayDifferential3f(mi.Ray3f([0, 0, 6], [0, 0, -1]))
+    red = mi.RayDifferential3f(mi.Ray3f([1.7, 0, 6], [0, 0, -1]))
+    np.testing.assert_allclose(np.array(made.integrator().sample(made, sampler(1), lamp)[0]).ravel(), 1, rtol=1e-5)
+    wanted = MethodSet(open_bake(paint))[METHOD].eval(mi.Vector3f(0, 0, 1), mi.Vector3f(0, 0, 1))
+    np.testing.assert_allclose(
+        np.array(made.integrator().sample(made, sampler(1), red)[0]), np.array(wanted), rtol=1e-4
+    )
+
+
+@pytest.mark.parametrize(
+    ("more", "line"),
+    [
+        ({"bake_ball": "absent.rsibr"}, "absent.rsibr: "),
+        ({"bake_bal": "paint"}, "no shape 'bal'. Did you mean 'ball'"),
+        ({"bake_lamp": "paint"}, "shape 'lamp' is an emitter. Leave out bake_lamp"),
+        ({"method": "rsbir"}, "unknown method 'rsbir'. Did you mean 'rsibr'"),
+        ({"lookup": "pixl"}, "unknown lookup 'pixl'"),
+        ({"occlusion": "maybe"}, "'maybe'. Give one of"),
+        ({"nested": {"type": "prb"}}, "takes one nested integrator"),
+        ({"nested": {"type": "aov", "aovs": "d:depth"}}, "nest rsibr in it instead"),
+        ({"hide_emitters": True, "nested": {"type": "path"}}, "the nested integrator shows emitters"),
+        ({"metod": "rsibr"}, 'string "metod"'),
+    ],
+)
+def test_failures_are_said_in_a_line(paint, more, line):
+    given = {key: paint if value == "paint" else value for key, value in more.items()}
+    with pytest.raises(RuntimeError) as caught:
+        rendered(scene(integrator(paint, **given)))
+    assert line.lower() in told(caught.value).lower()
+
+
+def told(error):
+    """What the last lines of a traceback say: Mitsuba wraps an error of `mi.render` in one of its own."""
+    return f"{error.__cause__} {error}"
+
+
+def test_scalar_and_mono_variants_are_refused(paint):
+    for variant in ("scalar_rgb", "llvm_ad_mono"):
+        mi.set_variant(variant)
+        with pytest.raises(RuntimeError, match=f"the variant {variant} is not supported. Set one of: llvm_ad_rgb"):
+            mi.load_dict(integrator(paint))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["spectral", "spectral_polarized"])
+def test_spectral_variants_show_the_same_colours(paint, kind):
+    wanted = rendered(scene(integrator(paint)), 64)
+    mi.set_variant(f"{mi.variant().partition('_ad_')[0]}_ad_{kind}")
+    found = rendered(scene(integrator(paint)), 256)
+    assert mi.variant().endswith(kind)
+    np.testing.assert_allclose(found[10:18, 8:16, :3].mean((0, 1)), wanted[10:18, 8:16, :3].mean((0, 1)), rtol=0.02)
+
+
+def test_shapes_that_mitsuba_has_merged_are_explained(paint, tmp_path):
+    mi.load_dict({"type": "cube"}).write_ply(str(tmp_path / "cube.ply"))
+    ply = '<shape type="ply" id="{}"><string name="filename" value="cube.ply"/><ref id="m"/></shape>'
+    shapes = ply.format("ball") + ply.format("b")
+    nested = (
+        f'<integrator type="rsibr"><string name="bake_ball" value="{paint}"/><integrator type="direct"/></integrator>'
+    )
+    file = tmp_path / "scene.xml"
+    text = f'{nested}<bsdf type="diffuse" id="m"/>{shapes}<sensor type="perspective"/>'
+    file.write_text(f'<scene version="3.0.0">{text}</scene>')
+    with pytest.raises(RuntimeError) as caught:
+        mi.render(mi.load_file(str(file)), spp=1)
+    assert "load the scene with optimize=False" in told(caught.value)
+    small = mi.load_file(str(file), optimize=False)
+    ray = mi.RayDifferential3f(mi.Ray3f([0, 0, 5], [0, 0, -1]))
+    assert np.array(small.integrator().sample(small, sampler(1), ray)[0]).min() > 0
+
+
+def test_a_turned_camera_compiles_nothing(paint):
+    made = scene(integrator(paint))
+    values = mi.traverse(made)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        for turn in range(3):
+            values["sensor.to_world"] = mi.Transform4f().look_at([turn, 1, 7], [0, 0, 0], [0, 1, 0])
+            values.update()
+            dr.kernel_history_clear()
+            rendered(made)
+            new = [one for one in dr.kernel_history([dr.KernelType.JIT]) if not one["cache_hit"]]
+    assert new == []
+
+
+def test_threads_take_turns_with_sessions_in_other_renderings(paint):
+    made = [scene(integrator(paint)) for _ in range(2)]
+    alone, found = rendered(made[0]), {}
+
+    def work(index):
+        found[index] = rendered(made[index])
+
+    def other():
+        with backend.rendering("spectral"):
+            found["other"] = mi.variant()
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(2)] + [threading.Thread(target=other)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    assert found["other"].endswith("spectral")
+    for index in range(2):
+        np.testing.assert_array_equal(found[index], alone)
+
+
+def _camera():
+    return Camera.look_at(EYE, (0, 0, 0), fov_deg=40, width=SIZE, height=SIZE)
+
+
+def _ball():
+    return ObjectScene("ball", {"ball": mi.load_dict({"type": "sphere"})})
