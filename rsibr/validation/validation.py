@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr import backend
+from rsibr.baking.baked_scene import require_unchanged
 from rsibr.baking.scene import Scene
-from rsibr.errors import BakeError, CheckFailed, InputError
+from rsibr.errors import CheckFailed, InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.novel_views import novel_views as drawn_views
 from rsibr.geometry.viewpoints import Viewpoints
@@ -128,7 +129,7 @@ def validate(
     method_set = MethodSet(opened)
     maps = method_set.inputs.maps  # decoded once, shared by health check, exposure and methods
     health = _trusted_health(opened, [view for _, view in chosen], out, lambda: load().environment, maps)
-    prepared = _unchanged(opened, load())
+    prepared = require_unchanged(opened, load())
     renderer = ReferenceRenderer(prepared.environment, prepared.material, opened.resolution, opened.rendering)
     of_lobes = max(samples // LOBE_SAMPLES, buffers)
     judge = LobeJudge(opened, prepared, method_set, of_lobes, buffers) if by_lobe else None
@@ -217,16 +218,6 @@ def _trusted_health(
         str(finding) for finding in health.findings.values() if finding.verdict == "failed" and finding.texels
     )
     raise CheckFailed(f"cannot be validated: {found}", where=str(bake.path), fix=f"see `rsibr check {bake.path}`")
-
-
-def _unchanged(bake: Bake, scene: Scene) -> Scene:
-    """Return the scene; raise if environment or material have changed since the bake."""
-    for kind, digest in scene.digests.items():
-        if bake.manifest.identity[kind]["content"] != digest:
-            raise BakeError(
-                f"the {kind} has changed since the bake", where=str(bake.path), fix="bake anew with --fresh"
-            )
-    return scene
 
 
 def _mean_radiance(maps: Sequence[MapFile]) -> float:
