@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from rsibr import backend
 from rsibr.errors import InputError
@@ -37,6 +38,8 @@ class ObjectRenderer:
         Method of all bakes; by default that of `rsibr.reconstruct`.
     lookup : str
         How a surface takes its radiance from the method, one of `rsibr.shading.lookups.registry.lookups`.
+    lookup_options : mapping, optional
+        Options of the lookup by name, see `LookupRegistration.options`.
 
     Attributes
     ----------
@@ -45,15 +48,21 @@ class ObjectRenderer:
     """
 
     def __init__(
-        self, scene: ObjectScene, bakes: Mapping[str, Bake], method: str | None = None, lookup: str = "pixel"
+        self,
+        scene: ObjectScene,
+        bakes: Mapping[str, Bake],
+        method: str | None = None,
+        lookup: str = "pixel",
+        lookup_options: Mapping[str, Any] | None = None,
     ) -> None:
         start = time.perf_counter()
         self.scene, self.bakes = scene, dict(bakes)
         self.types = SurfaceTypes.assign(scene, list(bakes))
-        make = lookup_named(lookup).make
+        kind = lookup_named(lookup)
+        options = kind.checked(lookup_options or {})
         methods = {path: MethodSet(bake) for path, bake in {bake.path: bake for bake in bakes.values()}.items()}
         self.methods = [methods[bake.path][method or default_method(bake)] for bake in bakes.values()]
-        self.lookups: list[Lookup] = [make(one, scene) for one in self.methods]
+        self.lookups: list[Lookup] = [kind.make(one, scene, **options) for one in self.methods]
         self.prepare_seconds = time.perf_counter() - start
 
     @backend.in_session
@@ -70,10 +79,11 @@ class ObjectRenderer:
         if not 1 <= rays <= _MOST_RAYS:
             raise InputError(f"{rays} rays a pixel", where="rays", fix=f"give 1 to {_MOST_RAYS}")
         start = time.perf_counter()
+        has_footprints = any(lookup.needs_footprint for lookup in self.lookups)
         shades = [lookup.toward(camera) for lookup in self.lookups]
         backend.synchronize()
         prepared = time.perf_counter() - start
-        made = developed(self.scene, camera, self.types, shades, rays)
+        made = developed(self.scene, camera, self.types, shades, rays, has_footprints=has_footprints)
         backend.synchronize()
         seconds = time.perf_counter() - start - prepared
         return replace(made, seconds=seconds, prepare_seconds=self.prepare_seconds + prepared, notes=self.scene.notes)
