@@ -8,29 +8,17 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from rsibr.baking.lattice import generator
 from rsibr.shading.camera import Camera, CameraRays
 from rsibr.shading.corner_rays import footprint
 from rsibr.shading.lookups.registry import Shade
 from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.picture import NormalCounts, Picture
+from rsibr.shading.pixel_lattice import place_in_pixel, place_steps
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.shading.surfaces import Surfaces, first_surfaces
 
 PIXELS_PER_LAUNCH = 2**22
 """Most pixels of one kernel launch: 4K in two, 1080p in one."""
-
-
-def place_steps(rays: int) -> tuple[mi.Float, mi.Float]:
-    """Steps of the lattice of a pixel's rays, across and down [pixels]; opaque, so that all numbers share kernels."""
-    return dr.opaque(mi.Float, 1 / rays), dr.opaque(mi.Float, generator(rays).texel[1] / rays)
-
-
-def place_in_pixel(k: mi.UInt32, steps: tuple[mi.Float, mi.Float]) -> mi.Point2f:
-    """Place of ray number `k` in the square of its pixel, in [0, 1)², from the top left."""
-    along = mi.Float(k)
-    place = mi.Point2f(dr.fma(along, steps[0], 0.5 * steps[0]), dr.fma(along, steps[1], 0.5 * steps[0]))
-    return place - dr.floor(place)
 
 
 @dataclass
