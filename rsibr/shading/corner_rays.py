@@ -34,9 +34,9 @@ def footprint(geometry: mi.Scene, camera: CameraRays, place: mi.Point2f, side: m
 
     Notes
     -----
-    A corner counts if it meets the same shape, no farther away than the tangent plane suggests; elsewhere it lies beyond
-    a silhouette. There the normal of the opposite corner is continued through that of the ray, and if both miss, the
-    normal of the ray stands for all: the footprint shrinks to what is known.
+    A corner counts if it meets the same shape, no farther away than the tangent plane suggests; elsewhere it lies
+    beyond a silhouette. There the normal of the opposite corner is continued through that of the ray, and if both miss,
+    the normal of the ray stands for all: the footprint shrinks to what is known.
     """
     rays = [camera.ray(place + side * mi.Point2f(*corner)) for corner in CORNERS]
     met = [first_surfaces(geometry, ray, at.hit) for ray in rays]

@@ -18,7 +18,6 @@ import mitsuba as mi
 
 from rsibr.errors import InputError
 from rsibr.shading.camera import Camera
-from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.surfaces import Surfaces
 
 Shade = Callable[["Surfaces"], "mi.Color3f"]

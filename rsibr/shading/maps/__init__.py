@@ -1,1 +1,1 @@
-"""Reconstructed maps of a picture on the device: their MIP levels, how surfaces index them, filters over a footprint."""
+"""Reconstructed maps of a picture on the device: MIP levels, how surfaces index them, filters over a footprint."""

@@ -155,9 +155,7 @@ def _halved(image: mi.Float, fine: Level, count: int) -> mi.Float:
     return halved
 
 
-def _fill(
-    texels: mi.Float, image: mi.Float, level: Level, count: int, first: mi.UInt32, map_size: mi.UInt32
-) -> None:
+def _fill(texels: mi.Float, image: mi.Float, level: Level, count: int, first: mi.UInt32, map_size: mi.UInt32) -> None:
     """Write one level of all maps with its border, values beyond the disk taken from the nearest texel inside."""
     bordered = (level.side + 2 * BORDER) ** 2
     lane = dr.arange(mi.UInt32, count * bordered)

@@ -32,8 +32,8 @@ class ViewGrid:
         Frame of each view: columns x, y, z in world coordinates, z toward the camera, transported from the camera's
         axes by the smallest rotation.
     packed : mi.Float
-        Camera's axes right, up, backward; left and top edge of the grid in the plane at unit depth, and steps per unit of
-        it to the right and downward.
+        Camera's axes right, up, backward; left and top edge of the grid in the plane at unit depth, and steps per unit
+        of it to the right and downward.
     columns, rows : mi.UInt32
         Views a row and a column.
     """
@@ -114,5 +114,7 @@ def _frame(camera: Camera, x: float, y: float) -> NDArray[np.float64]:
     view = np.array([-x, -y, 1.0]) / np.sqrt(x * x + y * y + 1)  # in the camera's axes, toward the camera
     # Minimal rotation from z to the view; Rodrigues' formula with the axis z × view
     a, b, c = view
-    turned = np.array([[1 - a * a / (1 + c), -a * b / (1 + c), a], [-a * b / (1 + c), 1 - b * b / (1 + c), b], [-a, -b, c]])
+    turned = np.array(
+        [[1 - a * a / (1 + c), -a * b / (1 + c), a], [-a * b / (1 + c), 1 - b * b / (1 + c), b], [-a, -b, c]]
+    )
     return np.asarray(camera.axes @ turned)

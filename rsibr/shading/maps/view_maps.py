@@ -50,7 +50,7 @@ class ViewMaps:
         return mi.Vector3f(*(dr.dot(column, direction) for column in columns))
 
     def texel(self, index: mi.UInt32, level: mi.UInt32, column: mi.UInt32, row: mi.UInt32) -> mi.Vector4f:
-        """RGB and coverage of a texel; column and row count from the border, so that 1 is the first texel of the map."""
+        """RGB and coverage of a texel; column and row count from the border: 1 is the first texel of the map."""
         start = dr.fma(index, self.map_size, dr.gather(mi.UInt32, self.first, level))
         return dr.gather(mi.Vector4f, self.texels, start + row * self.stride(level) + column)
 

@@ -52,6 +52,7 @@ def _mean(maps: ViewMaps, index: mi.UInt32, patch: Patch) -> mi.Color3f:
     most = mi.Float(maps.stride(level) - 1 - BORDER)
     left, top = (_clipped(dr.floor(x), most) for x in (dr.minimum(dr.minimum(a, b), dr.minimum(c, d))))
     right, bottom = (_clipped(dr.ceil(x), most) for x in (dr.maximum(dr.maximum(a, b), dr.maximum(c, d))))
+
     # ---- Sum over the texels of the bounds ----
     def step(
         column: mi.UInt32, row: mi.UInt32, total: mi.Color3f, weights: mi.Float

@@ -20,8 +20,8 @@ class SummedArea:
     Notes
     -----
     A table must hold the highest radiance times the number of texels, and resolve the lowest. Sums in float64 resolve
-    2⁻⁵³ of the largest: under a sun of 10⁶ over a whole map of 256² texels, 1e-5. float32 would be off by 4000. The sums
-    are of radiance times coverage, and are divided by sums of coverage: nothing beyond the rim enters.
+    2⁻⁵³ of the largest: under a sun of 10⁶ over a whole map of 256² texels, 1e-5. float32 would be off by 4000. The
+    sums are of radiance times coverage, and are divided by sums of coverage: nothing beyond the rim enters.
     """
 
     summary = "a rectangle of the footprint's size, by a summed-area table"
