@@ -47,7 +47,8 @@ def mirror(radiance):
 def sun(peak=1e6, dark=1e-3, direction=(0.3, 0.4, 0.866), width=0.02):
     """A sun of Gaussian profile and about 1.6° in radius, next to darkness."""
     to_sun = np.array(direction) / np.linalg.norm(direction)
-    return mirror(lambda d: mi.Color3f(dark + peak * dr.exp((dr.dot(d, mi.Vector3f(*to_sun)) - 1) / width**2)))
+    axis = to_sun.tolist()
+    return mirror(lambda d: mi.Color3f(dark + peak * dr.exp((dr.dot(d, mi.Vector3f(*axis)) - 1) / width**2)))
 
 
 def ball_scene(radius=1.0, **others):

@@ -12,6 +12,9 @@ from rsibr.shading.maps.view_maps import BORDER, ViewMaps
 MOST_TEXELS = 16
 """Most texels in either direction; larger quadrilaterals are taken from a coarser level."""
 
+FEWEST_TEXELS = 2
+"""Texels below which the corners are averaged."""
+
 
 class Quadrilateral:
     """Mean of the texels inside the quadrilateral of the corners, weighted by their area inside the disk.
@@ -19,8 +22,9 @@ class Quadrilateral:
     Notes
     -----
     The quadrilateral is a pair of triangles, so that folded ones, as at inflections of a surface, have an inside. The
-    weight of a texel falls from 1 to 0 over one texel across each edge: a quadrilateral smaller than a texel becomes a
-    lookup between its neighbours.
+    weight of a texel falls from 1 to 0 over one texel across each edge, about the area of its part inside. Of a
+    quadrilateral that spans less than `FEWEST_TEXELS`, whose sum would depend on where centres lie, the average of
+    bilinear lookups at the corners is taken.
     """
 
     summary = "texels inside the quadrilateral of the corners"
@@ -71,7 +75,10 @@ def _mean(maps: ViewMaps, index: mi.UInt32, patch: Patch) -> mi.Color3f:
         labels=("column", "row", "total", "weights"),
         label="quadrilateral",
     )
-    return dr.select(weights > 1e-4, total / weights, maps.fetch(index, patch.middle, level))
+    corners = mi.Color3f(0)
+    for p in outline:
+        corners += 0.25 * maps.fetch(index, p, level)
+    return dr.select((weights > 1e-3) & (extent > FEWEST_TEXELS), total / weights, corners)
 
 
 def _clipped(x: mi.Float, most: mi.Float) -> mi.UInt32:
@@ -79,15 +86,15 @@ def _clipped(x: mi.Float, most: mi.Float) -> mi.UInt32:
 
 
 def _inside(x: mi.Point2f, a: mi.Point2f, b: mi.Point2f, c: mi.Point2f) -> mi.Float:
-    """Weight of the texel centred at `x` in the triangle (a, b, c): 1 inside, 0 from one texel beyond an edge."""
+    """Weight of the texel centred at `x` in the triangle (a, b, c): 1 inside, ½ on an edge, 0 half a texel beyond."""
     turn = dr.select(_cross(b - a, c - a) < 0, mi.Float(-1), 1)
     nearest = mi.Float(1)
     for start, end in ((a, b), (b, c), (c, a)):
         edge = end - start
         length = dr.norm(edge)
         beside = turn * _cross(edge, x - start) / dr.maximum(length, 1e-12)
-        away = 1 - dr.norm(x - start)  # an edge without length is a point
-        nearest = dr.minimum(nearest, dr.select(length > 1e-6, 1 + beside, away))
+        away = 0.5 - dr.norm(x - start)  # an edge without length is a point
+        nearest = dr.minimum(nearest, dr.select(length > 1e-6, 0.5 + beside, away))
     return dr.maximum(nearest, 0)
 
 
