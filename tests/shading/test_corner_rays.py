@@ -58,8 +58,8 @@ def test_corners_beyond_the_outline_are_continued():
     assert continued[hit & np.any(misses, axis=0)].all()
     assert continued[hit].any()
     n, v = np.array(at.n), np.array(at.v)
-    for corner, view in zip(seen.n, seen.v, strict=True):
-        corner, view = np.array(corner)[:, hit], np.array(view)[:, hit]
+    for k in range(4):
+        corner, view = np.array(seen.n[k])[:, hit], np.array(seen.v[k])[:, hit]
         assert np.allclose(np.linalg.norm(corner, axis=0), 1, atol=1e-5)
         assert ((corner * view).sum(axis=0) > 0.9 * LEAST_COSINE).all()
         turned = np.degrees(np.arccos(np.clip((corner * n[:, hit]).sum(axis=0), -1, 1)))

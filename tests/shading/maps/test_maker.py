@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -17,7 +19,7 @@ def levels(maps, count, resolution):
     """Texels of each level with the border, (count, N + 2, N + 2, 4)."""
     flat, found = np.array(maps.texels).reshape(count, -1, 4), []
     first = [*np.array(maps.first), flat.shape[1]]
-    for k, (start, end) in enumerate(zip(first, first[1:], strict=False)):
+    for k, (start, end) in enumerate(pairwise(first)):
         side = (resolution >> k) + 2
         found.append(flat[:, start:end].reshape(count, side, side, 4))
     return found
