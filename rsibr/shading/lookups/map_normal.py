@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from rsibr.errors import InputError
 from rsibr.methods.protocol import Method
 from rsibr.shading.lookups.one_map import OneMap
 from rsibr.shading.lookups.registry import register_lookup
 from rsibr.shading.maps.indexing import BY_NORMAL
 from rsibr.shading.maps.maker import RESOLUTION
+from rsibr.shading.maps.mixed_chain import BY_NORMAL_OF_ALL, MixedChain
 from rsibr.shading.object_scene import ObjectScene
 
 
@@ -17,6 +19,19 @@ def map_normal(
     *,
     filter: str = "none",
     resolution: int = RESOLUTION,
+    chain: str = "normal",
 ) -> OneMap:
-    """Make the lookup; for its options see `OneMap`."""
-    return OneMap(method, BY_NORMAL, filter, resolution)
+    """Make the lookup.
+
+    Parameters
+    ----------
+    method, scene, filter, resolution
+        See `OneMap`.
+    chain : {"normal", "mixed"}
+        Whether the map holds the normals that face the view, as all sphere maps, or all normals: `MixedChain`.
+    """
+    if chain == "normal":
+        return OneMap(method, BY_NORMAL, filter, resolution)
+    if chain == "mixed":
+        return OneMap(MixedChain(method), BY_NORMAL_OF_ALL, filter, resolution)
+    raise InputError(f"no chain '{chain}'", where="chain", fix="give one of: normal, mixed")
