@@ -8,28 +8,17 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from rsibr.baking.lattice import generator
 from rsibr.shading.camera import Camera, CameraRays
+from rsibr.shading.corner_rays import footprint
 from rsibr.shading.lookups.registry import Shade
 from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.picture import NormalCounts, Picture
+from rsibr.shading.pixel_lattice import place_in_pixel, place_steps
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.shading.surfaces import Surfaces, first_surfaces
 
 PIXELS_PER_LAUNCH = 2**22
 """Most pixels of one kernel launch: 4K in two, 1080p in one."""
-
-
-def place_steps(rays: int) -> tuple[mi.Float, mi.Float]:
-    """Steps of the lattice of a pixel's rays, across and down [pixels]; opaque, so that all numbers share kernels."""
-    return dr.opaque(mi.Float, 1 / rays), dr.opaque(mi.Float, generator(rays).texel[1] / rays)
-
-
-def place_in_pixel(k: mi.UInt32, steps: tuple[mi.Float, mi.Float]) -> mi.Point2f:
-    """Place of ray number `k` in the square of its pixel, in [0, 1)², from the top left."""
-    along = mi.Float(k)
-    place = mi.Point2f(dr.fma(along, steps[0], 0.5 * steps[0]), dr.fma(along, steps[1], 0.5 * steps[0]))
-    return place - dr.floor(place)
 
 
 @dataclass
@@ -72,7 +61,15 @@ class Sums:
         )
 
 
-def developed(scene: ObjectScene, camera: Camera, types: SurfaceTypes, shades: list[Shade], rays: int) -> Picture:
+def developed(
+    scene: ObjectScene,
+    camera: Camera,
+    types: SurfaceTypes,
+    shades: list[Shade],
+    rays: int,
+    *,
+    has_footprints: bool = False,
+) -> Picture:
     """Trace and shade all pixels of a picture.
 
     Parameters
@@ -87,14 +84,17 @@ def developed(scene: ObjectScene, camera: Camera, types: SurfaceTypes, shades: l
         Radiance of the surfaces of each type.
     rays : int
         Rays a pixel.
+    has_footprints : bool
+        Whether the corners of each ray's share of the pixel are traced: `Surfaces.footprint`.
     """
     on_device, pixels = camera.on_device(), camera.width * camera.height
     count, steps = dr.opaque(mi.UInt32, rays), place_steps(rays)
+    side = dr.opaque(mi.Float, rays**-0.5) if has_footprints else None
     parts = []
     for first in range(0, pixels, PIXELS_PER_LAUNCH):
         size = min(PIXELS_PER_LAUNCH, pixels - first)
         pixel = dr.arange(mi.UInt32, size) + dr.opaque(mi.UInt32, first)
-        sums = _sums(scene.geometry, on_device, types, shades, pixel, count, steps)
+        sums = _sums(scene.geometry, on_device, types, shades, pixel, count, steps, side)
         dr.eval(sums)
         parts.append(sums)
     return _picture(parts, camera, rays)
@@ -108,11 +108,15 @@ def _sums(
     pixel: mi.UInt32,
     count: mi.UInt32,
     steps: tuple[mi.Float, mi.Float],
+    side: mi.Float | None,
 ) -> Sums:
     corner = camera.centre(pixel) - 0.5
 
     def one_ray(k: mi.UInt32, sums: Sums) -> tuple[mi.UInt32, Sums]:
-        surfaces = first_surfaces(geometry, camera.ray(corner + place_in_pixel(k, steps)))
+        place = corner + place_in_pixel(k, steps)
+        surfaces = first_surfaces(geometry, camera.ray(place))
+        if side is not None:
+            surfaces.footprint = footprint(geometry, camera, place, side, surfaces)
         kind = types.of(surfaces)
         radiance = mi.Color3f(0)
         for index, shade in enumerate(shades):

@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,6 +47,8 @@ class ObjectRenderer:
     lookup : str
         How a surface takes its radiance from the method, one of `rsibr.shading.lookups.registry.lookups`; "auto": the
         cheapest that the perspective allows.
+    lookup_options : mapping, optional
+        Options of the lookup by name, see `LookupRegistration.options`.
     occlusion : {"auto", "on", "off"}
         Whether the object hides the sky from itself: a short form of `effects["self_occlusion"]`.
     effects : mapping of str to {"auto", "on", "off"}, optional
@@ -67,6 +70,7 @@ class ObjectRenderer:
         bakes: Mapping[str, Bake],
         method: str | None = None,
         lookup: str = "pixel",
+        lookup_options: Mapping[str, Any] | None = None,
         *,
         occlusion: str = "auto",
         effects: Mapping[str, str] | None = None,
@@ -75,8 +79,7 @@ class ObjectRenderer:
         start = time.perf_counter()
         self.scene, self.bakes, self.lookup = scene, dict(bakes), lookup
         self.switches = _switches(occlusion, effects or {})
-        if lookup != "auto":
-            lookup_named(lookup)
+        self._options = {} if lookup == "auto" else lookup_named(lookup).checked(lookup_options or {})
         self.types = SurfaceTypes.assign(scene, list(bakes))
         sets = {path: MethodSet(bake) for path, bake in {bake.path: bake for bake in bakes.values()}.items()}
         self.methods = [sets[bake.path][method or default_method(bake)] for bake in bakes.values()]
@@ -121,10 +124,12 @@ class ObjectRenderer:
         rays = 1 if self.switches.get("silhouettes") == "off" else rays
         start = time.perf_counter()
         evidence = self._evidence_of(camera, rays)
-        shades = self.shades(camera, ObjectPlan.of(evidence))
+        plan = ObjectPlan.of(evidence)
+        shades = self.shades(camera, plan)
+        has_footprints = any(lookup.needs_footprint for lookup in self._lookups_of(plan))
         backend.synchronize()
         prepared = time.perf_counter() - start
-        made = developed(self.scene, camera, self.types, shades, rays)
+        made = developed(self.scene, camera, self.types, shades, rays, has_footprints=has_footprints)
         backend.synchronize()
         seconds = time.perf_counter() - start - prepared
         self._plan = ObjectPlan.of(replace(evidence, counts=made.counts, silhouette_share=_partly_covered(made)))
@@ -133,8 +138,7 @@ class ObjectRenderer:
 
     def shades(self, camera: Camera, plan: ObjectPlan) -> list[Shade]:
         """Shading of each surface type as a plan says, prepared for a camera."""
-        lookups = self.lookups_named(lookup_for(plan["perspective"], self.lookup))
-        shades = [lookup.toward(camera) for lookup in lookups]
+        shades = [lookup.toward(camera) for lookup in self._lookups_of(plan)]
         if not plan["self_occlusion"].on:
             return shades
         bounces = BOUNCES if plan["interreflection"].on else 0
@@ -145,8 +149,12 @@ class ObjectRenderer:
     def lookups_named(self, name: str) -> list[Lookup]:
         """Lookup of each surface type, made at first use."""
         if name not in self._lookups:
-            self._lookups[name] = [lookup_named(name).make(one, self.scene) for one in self.methods]
+            options = self._options if name == self.lookup else {}
+            self._lookups[name] = [lookup_named(name).make(one, self.scene, **options) for one in self.methods]
         return self._lookups[name]
+
+    def _lookups_of(self, plan: ObjectPlan) -> list[Lookup]:
+        return self.lookups_named(lookup_for(plan["perspective"], self.lookup))
 
     def _evidence_of(self, camera: Camera, rays: int) -> Evidence:
         return Evidence(self._evidence, camera, self.lookup, rays, self.switches)

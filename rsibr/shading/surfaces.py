@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from rsibr.shading.footprint import Footprint
+
 LEAST_COSINE = 1e-3
 """Least cosine between a shading normal and the viewer; normals that face away are bent to it."""
 
@@ -46,6 +48,8 @@ class Surfaces:
         Whether the shading normal was no direction; faced against the geometric normal; or faced away from the viewer.
     is_back : mi.Bool
         Whether the viewer is on the inner side of the surface.
+    footprint : Footprint or None
+        Corners of the share of the pixel; None unless the film traces them, for lookups with `needs_footprint`.
     """
 
     hit: mi.Bool
@@ -61,6 +65,7 @@ class Surfaces:
     flipped: mi.Bool
     bent: mi.Bool
     is_back: mi.Bool
+    footprint: Footprint | None = None
 
 
 def first_surfaces(scene: mi.Scene, ray: mi.Ray3f, active: mi.Bool | bool = True) -> Surfaces:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import mitsuba as mi
 
@@ -28,6 +29,7 @@ class PerPixel:
 
     method: Method
     scene: ObjectScene
+    needs_footprint: ClassVar[bool] = False
 
     def toward(self, camera: Camera) -> Shade:  # noqa: ARG002
         """See `Lookup`."""

@@ -6,19 +6,18 @@ A lookup registers itself in its own file, below `rsibr/shading/lookups/`; no ot
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import mitsuba as mi
 
 from rsibr.errors import InputError
-from rsibr.methods.protocol import Method
 from rsibr.shading.camera import Camera
-from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.surfaces import Surfaces
 
 Shade = Callable[["Surfaces"], "mi.Color3f"]
@@ -26,7 +25,18 @@ Shade = Callable[["Surfaces"], "mi.Color3f"]
 
 
 class Lookup(Protocol):
-    """Radiance of the surfaces of one type from one method."""
+    """Radiance of the surfaces of one type from one method.
+
+    Attributes
+    ----------
+    needs_footprint : bool
+        Whether its pictures need `Surfaces.footprint`. Without it, a lookup shades points.
+    """
+
+    @property
+    def needs_footprint(self) -> bool:
+        """See above."""
+        ...
 
     def toward(self, camera: Camera) -> Shade:
         """Prepare a picture: reconstruct the maps that it needs, and return the function that shades its surfaces.
@@ -36,7 +46,7 @@ class Lookup(Protocol):
         ...
 
 
-LookupFactory = Callable[["Method", "ObjectScene"], "Lookup"]
+LookupFactory = Callable[..., "Lookup"]
 _F = TypeVar("_F", bound=LookupFactory)
 
 _REGISTERED: dict[str, LookupRegistration] = {}
@@ -53,12 +63,32 @@ class LookupRegistration:
     summary : str
         Description in one line.
     make : callable
-        (method, scene) → `Lookup`.
+        (method, scene) → `Lookup`. Its keyword-only parameters are the lookup's options.
     """
 
     name: str
     summary: str
     make: LookupFactory
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Keyword parameters of `make` with their defaults, such as `filter`, `resolution`."""
+        parameters = inspect.signature(self.make).parameters.values()
+        return {one.name: one.default for one in parameters if one.kind is one.KEYWORD_ONLY}
+
+    def checked(self, options: Mapping[str, Any]) -> dict[str, Any]:
+        """Return options if the lookup has them all.
+
+        Raises
+        ------
+        InputError
+            If it has not.
+        """
+        for name in options:
+            if name not in self.options:
+                there = ", ".join(self.options) or "none"
+                raise InputError(f"no option '{name}'", where=f"lookup '{self.name}'", fix=f"there are: {there}")
+        return dict(options)
 
 
 def register_lookup(name: str, *, summary: str) -> Callable[[_F], _F]:
