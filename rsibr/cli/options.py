@@ -15,6 +15,9 @@ from rsibr.errors import InputError
 _LONGEST_SHOWN = 100
 """Characters of an argument that an error repeats."""
 
+MOST_PIXELS = 16384
+"""Most pixels of a picture's side."""
+
 Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="Config file (TOML).", show_default=False)]
 BakePath = Annotated[Path, typer.Argument(metavar="BAKE", help="Directory of a bake.", show_default=False)]
 Imports = Annotated[
@@ -55,8 +58,8 @@ def imported(modules: list[str] | None) -> tuple[str, ...]:
     return names
 
 
-def parse_view(text: str) -> tuple[float, float, float]:
-    """Parse a view direction `X,Y,Z`.
+def parse_view(text: str, option: str = "--view") -> tuple[float, float, float]:
+    """Parse a view direction, or a position, `X,Y,Z`.
 
     Raises
     ------
@@ -66,10 +69,30 @@ def parse_view(text: str) -> tuple[float, float, float]:
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        fix = "give three numbers, as in --view 1,0.5,2 (--view=-1,0,0 where the first is negative)"
+        fix = f"give three numbers, as in {option} 1,0.5,2 ({option}=-1,0,0 where the first is negative)"
         shown = text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}…"
-        raise InputError(f"'{shown}' is no direction", where="--view", fix=fix) from None
+        what = "direction" if option == "--view" else "point"
+        raise InputError(f"'{shown}' is no {what}", where=option, fix=fix) from None
     return x, y, z
+
+
+def parse_resolution(text: str) -> tuple[int, int]:
+    """Parse width and height of a picture, `N` or `WxH`.
+
+    Raises
+    ------
+    InputError
+        If the text is neither, or a side is out of range.
+    """
+    sides = text.lower().replace("×", "x").split("x")
+    try:
+        width, height = (int(side) for side in (sides * 2 if len(sides) == 1 else sides))
+    except ValueError:
+        width = height = 0
+    if not (1 <= width <= MOST_PIXELS and 1 <= height <= MOST_PIXELS):
+        fix = f"give N or WxH, each 1 to {MOST_PIXELS}"
+        raise InputError(f"'{text[:_LONGEST_SHOWN]}' is no size of a picture", where="--resolution", fix=fix)
+    return width, height
 
 
 def check_output_folder(folder: Path) -> None:
