@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.errors import InputError
@@ -17,7 +18,7 @@ from rsibr.shading.camera import Camera
 from rsibr.shading.camera_choice import chosen_camera
 from rsibr.shading.lit_scene import require_one_light
 from rsibr.shading.object_scene import ObjectScene
-from rsibr.shading.path_traced import path_traced_rest
+from rsibr.shading.path_traced import path_traced_rest, unbaked_refusal
 from rsibr.shading.picture import Picture
 from rsibr.shading.picture_file import Origin, write_picture
 from rsibr.shading.renderer import RAYS, ObjectRenderer, opened
@@ -32,6 +33,7 @@ OnProgress = Callable[[int, int], None]
 
 PIXEL_BYTES = 256
 """Memory for each pixel of a picture: the sums of the kernel, the layers, and their file [bytes]."""
+_NAMED = 12  # shapes that a note names
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,15 +140,15 @@ def render(
     Parameters
     ----------
     scene : path, dict, str or ObjectScene
-        Mitsuba scene (XML file or dictionary), mesh file, or `"sphere"`. Its emitters, and the BSDFs of shapes that have
-        a bake, are not used.
+        Mitsuba scene (XML file or dictionary), mesh file, or `"sphere"`. Its emitters, and the BSDFs of shapes that
+        have a bake, are not used.
     bakes : Bake, path, or mapping of str to Bake or path
         One for all shapes, or the bake of each shape id; `"*"` stands for all shapes that no other id names.
     method : str, optional
         Name of a method, one of `rsibr.method_names()`; by default that of `rsibr.reconstruct`.
     camera : Camera or mapping, optional
-        A mapping has `position` and `target`, or `direction` (from the object to the camera), and `up` and `fov_deg`. By
-        default the scene's camera, else one that sees the whole object.
+        A mapping has `position` and `target`, or `direction` (from the object to the camera), and `up` and `fov_deg`.
+        By default the scene's camera, else one that sees the whole object.
     resolution : int or (int, int), optional
         Pixels a side, or width and height; by default the camera's, or 512.
     rays : int
@@ -190,9 +192,7 @@ def render(
     factor = exposure_factor(exposure)
     if out is not None:
         image_kind(out)
-    job = RenderJob.prepare(
-        scene, bakes, method=method, rays=rays, lookup=lookup, occlusion=occlusion, strict=strict
-    )
+    job = RenderJob.prepare(scene, bakes, method=method, rays=rays, lookup=lookup, occlusion=occlusion, strict=strict)
     view = chosen_camera(job.scene, camera, resolution)
     size, show = job.size(view), on_progress or (lambda _done, _total: None)
     if on_forecast is not None:
@@ -221,7 +221,7 @@ def exposure_factor(stops: float | None) -> float | None:
     return float(2.0**stops)
 
 
-def with_rest(picture: Picture, radiance: np.ndarray, alpha: np.ndarray) -> Picture:
+def with_rest(picture: Picture, radiance: NDArray[np.float32], alpha: NDArray[np.float32]) -> Picture:
     """Add the surfaces that no bake shades: a ray meets one or the other, so both coverages add up.
 
     Parameters
@@ -250,13 +250,13 @@ def _by_shape(bakes: Bakes) -> dict[str, Bake | Path | str]:
 
 def _notes(renderer: ObjectRenderer, strict: bool) -> tuple[str, ...]:
     """Notes on shapes without a bake and on the light of the bakes; InputError for what cannot be shown."""
-    bare = renderer.types.unbaked(renderer.scene)
-    if bare:
-        named = ", ".join(bare[:12]) + (f" and {len(bare) - 12} more" if len(bare) > 12 else "")
+    refusal = unbaked_refusal(renderer.scene, renderer.types)
+    if refusal is not None:
         if strict:
-            fix = "give each a bake, or leave out strict to path-trace them"
-            raise InputError(f"no bake for: {named}", where=renderer.scene.name, fix=fix)
+            raise refusal
         require_one_light(renderer.bakes)
+        bare = renderer.types.unbaked(renderer.scene)
+        named = ", ".join(bare[:_NAMED]) + (f" and {len(bare) - _NAMED} more" if len(bare) > _NAMED else "")
         return (f"path-traced, for want of a bake: {named}; they have no depth and no normals in the file",)
     try:
         require_one_light(renderer.bakes)

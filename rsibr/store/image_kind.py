@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rsibr.errors import InputError
 
+
 def image_kind(path: Path | str, others: tuple[str, ...] = ()) -> str:
     """Kind of the image file that `path` is to become: `"exr"` or `"png"`, or one of `others`.
 
