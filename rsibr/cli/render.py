@@ -43,9 +43,7 @@ def render(
     lookup: Annotated[str, typer.Option(help="How a surface takes its radiance from the method.")] = "pixel",
     camera: Annotated[
         str | None,
-        typer.Option(
-            metavar="X,Y,Z[,X,Y,Z]", help="Position of the camera, and of what it looks at; else the scene's."
-        ),
+        typer.Option(metavar="X,Y,Z[,X,Y,Z]", help="Position of the camera, and its target; else the scene's."),
     ] = None,
     seen_from: Annotated[
         str | None, typer.Option("--from", metavar="X,Y,Z", help="Direction to a camera that sees the whole object.")
@@ -59,9 +57,7 @@ def render(
         float | None, typer.Option(metavar="STOPS", help="Of a PNG or film; 0: radiance 1 is white. By default chosen.")
     ] = None,
     frames: Annotated[int | None, typer.Option(help="Frames once around the object, or along --path.")] = None,
-    path: Annotated[
-        Path | None, typer.Option(metavar="FILE.json", help="Cameras to go through, with --frames.")
-    ] = None,
+    path: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Cameras of a path, with --frames.")] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Make all frames anew.")] = False,
     allow_large: Yes = False,
     imports: Imports = None,
@@ -86,7 +82,7 @@ def render(
     if frames is None:
         _say_picture(picture, out, json_output=json_output)
     else:
-        _say_sequence(made, out, json_output=json_output)
+        _say_sequence(made, json_output=json_output)
 
 
 @dataclass(frozen=True)
@@ -175,7 +171,7 @@ def _say_picture(picture: Picture, out: Path, *, json_output: bool) -> None:
     )
 
 
-def _say_sequence(made: RenderedSequence, out: Path, *, json_output: bool) -> None:
+def _say_sequence(made: RenderedSequence, *, json_output: bool) -> None:
     _note(made.notes)
     if json_output:
         found = {"files": [str(file) for file in made.files], "frames": made.frames, "kept": made.kept}
