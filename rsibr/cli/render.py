@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -185,6 +184,5 @@ def _say_sequence(made: RenderedSequence, *, json_output: bool) -> None:
 def _note(notes: tuple[str, ...]) -> None:
     from rsibr.cli.console import console
 
-    show: Callable[[str], None] = console.print
     for note in notes:
-        show(printable(f"note: {note}"))
+        console.print(printable(f"note: {note}"), soft_wrap=True)

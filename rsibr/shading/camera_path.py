@@ -134,7 +134,7 @@ def _key(found: object, where: str) -> Key:
 def _numbers(value: object, name: str, where: str) -> tuple[float, ...]:
     if value is None and name == "fov_deg":
         return ()
-    given = value if isinstance(value, list | tuple) else [value]
+    given: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
     is_number = [isinstance(one, int | float) and not isinstance(one, bool) and abs(one) < 1e30 for one in given]
     if len(given) != _KEYS[name] or not all(is_number):
         count = "one number" if _KEYS[name] == 1 else "three numbers"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,6 +24,7 @@ from rsibr.shading.picture import Picture
 from rsibr.shading.picture_file import Origin, write_picture
 from rsibr.shading.renderer import RAYS, ObjectRenderer, opened
 from rsibr.shading.scene_file import open_scene
+from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.store.bake import Bake
 from rsibr.store.image_kind import image_kind
 
@@ -38,16 +40,20 @@ _NAMED = 12  # shapes that a note names
 
 @dataclass(frozen=True, eq=False)
 class RenderJob:
-    """A scene with its bakes and settings, opened and prepared for any number of pictures.
+    """A scene with its bakes and settings, for any number of pictures.
 
     Attributes
     ----------
     scene : ObjectScene
         Scene.
-    renderer : ObjectRenderer
-        Renderer of the shapes with a bake.
+    bakes : dict of str to Bake
+        Bake of each shape id; `"*"` stands for all other shapes.
+    method : str or None
+        Method of all bakes; None: the default of each.
     rays : int
         Rays a pixel.
+    lookup : str
+        How a surface takes its radiance from the method.
     occlusion : {"off", "auto", "on"}
         Whether the object hides the sky from itself.
     notes : tuple of str
@@ -55,13 +61,15 @@ class RenderJob:
     """
 
     scene: ObjectScene
-    renderer: ObjectRenderer
+    bakes: dict[str, Bake]
+    method: str | None
     rays: int
+    lookup: str
     occlusion: Occlusion
     notes: tuple[str, ...]
 
     @classmethod
-    def prepare(
+    def opened(
         cls,
         scene: Scene,
         bakes: Bakes,
@@ -72,17 +80,22 @@ class RenderJob:
         occlusion: Occlusion = "auto",
         strict: bool = False,
     ) -> RenderJob:
-        """Open scene and bakes, and prepare the methods; parameters as for `render`."""
+        """Open scene and bakes, and refuse what cannot be shown; parameters as for `render`."""
         with backend.session():
             held = {name: opened(bake) for name, bake in _by_shape(bakes).items()}
             shapes = scene if isinstance(scene, ObjectScene) else open_scene(scene)
-            renderer = ObjectRenderer(shapes, held, method, lookup, occlusion=occlusion)
-            notes = _notes(renderer, strict)
-        return cls(shapes, renderer, rays, occlusion, notes)
+            notes = _notes(shapes, held, strict)
+        return cls(shapes, held, method, rays, lookup, occlusion, notes)
+
+    @cached_property
+    def renderer(self) -> ObjectRenderer:
+        """Renderer of the shapes with a bake, prepared at its first use."""
+        with backend.session():
+            return ObjectRenderer(self.scene, self.bakes, self.method, self.lookup, occlusion=self.occlusion)
 
     def size(self, camera: Camera) -> JobSize:
         """Forecast of a picture."""
-        bakes = {bake.path: bake for bake in self.renderer.bakes.values()}.values()
+        bakes = {bake.path: bake for bake in self.bakes.values()}.values()
         memory = sum(maps_memory(bake) for bake in bakes) + PIXEL_BYTES * camera.width * camera.height
         return JobSize(f"picture of {camera.width}×{camera.height}", memory=memory)
 
@@ -102,8 +115,7 @@ class RenderJob:
         with backend.session():
             made = self.renderer.picture(camera, count)
             if self.renderer.types.unbaked(self.scene):
-                bakes = self.renderer.bakes
-                rest = path_traced_rest(self.scene, self.renderer.types, bakes, camera, count, seed)
+                rest = path_traced_rest(self.scene, self.renderer.types, self.bakes, camera, count, seed)
                 made = with_rest(made, *rest)
         return replace(made, notes=tuple(dict.fromkeys((*self.notes, *made.notes))))
 
@@ -112,9 +124,9 @@ class RenderJob:
         names, methods = self.renderer.types.names, self.renderer.methods
         return Origin(
             camera,
-            {name: bake.path.name for name, bake in self.renderer.bakes.items()},
+            {name: bake.path.name for name, bake in self.bakes.items()},
             {name: method.name for name, method in zip(names, methods, strict=True)},
-            {"rays": self.rays, "lookup": self.renderer.lookup, "occlusion": self.occlusion},
+            {"rays": self.rays, "lookup": self.lookup, "occlusion": self.occlusion},
         )
 
 
@@ -192,7 +204,7 @@ def render(
     factor = exposure_factor(exposure)
     if out is not None:
         image_kind(out)
-    job = RenderJob.prepare(scene, bakes, method=method, rays=rays, lookup=lookup, occlusion=occlusion, strict=strict)
+    job = RenderJob.opened(scene, bakes, method=method, rays=rays, lookup=lookup, occlusion=occlusion, strict=strict)
     view = chosen_camera(job.scene, camera, resolution)
     size, show = job.size(view), on_progress or (lambda _done, _total: None)
     if on_forecast is not None:
@@ -248,18 +260,19 @@ def _by_shape(bakes: Bakes) -> dict[str, Bake | Path | str]:
     return dict(bakes)
 
 
-def _notes(renderer: ObjectRenderer, strict: bool) -> tuple[str, ...]:
+def _notes(scene: ObjectScene, bakes: Mapping[str, Bake], strict: bool) -> tuple[str, ...]:
     """Notes on shapes without a bake and on the light of the bakes; InputError for what cannot be shown."""
-    refusal = unbaked_refusal(renderer.scene, renderer.types)
+    types = SurfaceTypes.assign(scene, list(bakes))
+    refusal = unbaked_refusal(scene, types)
     if refusal is not None:
         if strict:
             raise refusal
-        require_one_light(renderer.bakes)
-        bare = renderer.types.unbaked(renderer.scene)
+        require_one_light(bakes)
+        bare = types.unbaked(scene)
         named = ", ".join(bare[:_NAMED]) + (f" and {len(bare) - _NAMED} more" if len(bare) > _NAMED else "")
         return (f"path-traced, for want of a bake: {named}; they have no depth and no normals in the file",)
     try:
-        require_one_light(renderer.bakes)
+        require_one_light(bakes)
     except InputError as error:
         return (error.what,)
     return ()

@@ -175,7 +175,7 @@ def render_sequence(
     start, factor = time.perf_counter(), exposure_factor(exposure)
     files = _checked_files(out, frames)
     keys = None if path is None else read_path(Path(path))
-    job = RenderJob.prepare(scene, bakes, method=method, rays=rays, lookup=lookup, occlusion=occlusion, strict=strict)
+    job = RenderJob.opened(scene, bakes, method=method, rays=rays, lookup=lookup, occlusion=occlusion, strict=strict)
     first = chosen_camera(job.scene, camera, resolution)
     cameras = turntable(first, job.scene.centre, frames) if keys is None else along_path(keys, first, frames)
     size = job.size(first)
@@ -262,10 +262,10 @@ def _settings(job: RenderJob, exposure: float | None) -> str:
     origin = {
         "code": source_digest("rsibr.shading", "rsibr.methods"),
         "geometry": geometry_digest(job.scene),
-        "bakes": {name: bake.manifest.identity for name, bake in job.renderer.bakes.items()},
-        "maps": {name: [view.sha256 for view in bake.manifest.views] for name, bake in job.renderer.bakes.items()},
+        "bakes": {name: bake.manifest.identity for name, bake in job.bakes.items()},
+        "maps": {name: [view.sha256 for view in bake.manifest.views] for name, bake in job.bakes.items()},
         "methods": [method_digest(method.name) for method in job.renderer.methods],
-        "settings": [job.rays, job.renderer.lookup, job.occlusion, exposure],
+        "settings": [job.rays, job.lookup, job.occlusion, exposure],
     }
     return hashlib.sha256(json.dumps(origin, sort_keys=True, default=str).encode()).hexdigest()
 
