@@ -33,6 +33,7 @@ from rsibr.store.image_kind import image_kind
 from rsibr.store.png_file import encode_png
 
 FILM = "mp4"
+_EXR_BYTES, _PNG_BYTES = 32, 4  # of a pixel
 _NUMBER = re.compile(r"#+|%0(\d)d")
 _TRIALS, _TRIAL_SIDE, _TRIAL_RAYS = 8, 96, 4
 """Frames, pixels and rays of the small pictures that the exposure of a sequence is chosen from."""
@@ -178,13 +179,15 @@ def render_sequence(
     job = RenderJob.opened(scene, bakes, method=method, rays=rays, lookup=lookup, occlusion=occlusion, strict=strict)
     first = chosen_camera(job.scene, camera, resolution)
     cameras = turntable(first, job.scene.centre, frames) if keys is None else along_path(keys, first, frames)
-    size = job.size(first)
+    size = _sequence_size(job.size(first), files, first)
     if on_forecast is not None:
         on_forecast(size)
     size.admit(out, allow_large)
     if files.kind != "exr" and factor is None:
         factor = _common_exposure(job, cameras)
     frame_files = _Frames(files, _settings(job, factor), {} if fresh else _made_before(files.sidecar))
+    if files.kind == FILM:
+        _make_folder(files.folder)
     kept, notes = frame_files.make(job, cameras, factor, on_progress or (lambda _done, _total: None))
     made = tuple(files.frame(index) for index in range(frames))
     if files.kind == FILM:
@@ -238,11 +241,21 @@ def _checked_files(out: Path | str, frames: int) -> FrameFiles:
     files = FrameFiles.of(out, frames)
     if files.kind == FILM:
         check_ffmpeg()
-        try:
-            files.folder.mkdir(exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{files.folder} cannot be made ({error.strerror})", where="out") from error
     return files
+
+
+def _sequence_size(picture: JobSize, files: FrameFiles, camera: Camera) -> JobSize:
+    """Forecast of all frames: the memory of one, and the disk of all if nothing could be compressed."""
+    disk = files.frames * camera.width * camera.height * (_EXR_BYTES if files.kind == "exr" else _PNG_BYTES)
+    return replace(picture, name=f"sequence of {files.frames} frames", disk=disk)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        what = f"{folder} cannot be made ({error.strerror})"
+        raise InputError(what, where="out", fix="choose another place") from error
 
 
 def _common_exposure(job: RenderJob, cameras: list[Camera]) -> float:

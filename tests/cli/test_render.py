@@ -7,7 +7,7 @@ import OpenEXR
 import pytest
 from matplotlib.image import imread
 
-SMALL = ["--resolution", "12x8", "--rays", "1", "--occlusion", "off"]
+SMALL = ["--resolution", "12x8", "--rays", "1", "--occlusion", "off", "--method", "cabral1999"]
 
 
 def test_a_picture_with_layers(shell, baked, tmp_path):
@@ -71,7 +71,7 @@ def test_wrong_inputs(shell, baked, tmp_path):
     out = ["--out", tmp_path / "a.exr"]
     shell.refuses("render", "sphere", "--bake", tmp_path / "gone.rsibr", *out, says="gone.rsibr")
     shell.refuses("render", tmp_path / "gone.xml", "--bake", baked, *out, says="gone.xml")
-    shell.refuses("render", "sphere", "--bake", f"spher={baked}", *out, says="did you mean 'sphere'")
+    shell.refuses("render", "sphere", "--bake", f"spher={baked}", *out, says="id you mean 'sphere'")
     shell.refuses("render", "sphere", "--bake", baked, *out, "--method", "cabral", says="cabral1999")
     shell.refuses("render", "sphere", "--bake", baked, *out, "--lookup", "pixl", says="pixel")
     assert not (tmp_path / "a.exr").exists()

@@ -13,9 +13,9 @@ from rsibr.shading.camera import Camera
 from rsibr.shading.camera_path import Key, along_path, read_path, turntable
 from rsibr.shading.render import RenderJob
 from rsibr.shading.sequence import FrameFiles
-from tests.shading.test_render import paint, two_spheres  # noqa: F401
+from tests.shading.test_render import PLAIN, paint, two_spheres  # noqa: F401
 
-SETTINGS = {"resolution": 8, "rays": 1, "occlusion": "off"}
+SETTINGS = {"resolution": 8, "rays": 1, **PLAIN}
 
 
 def test_a_turntable_keeps_distance_and_height_and_looks_at_the_axis():
