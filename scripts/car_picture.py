@@ -8,12 +8,25 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import rsibr
-from rsibr.resources import configs
+from rsibr.resources import scenes
+from rsibr.store.bake import Bake
 
-MATERIALS = {"body": "solid-red", "rubber": "plastic-rough", "metal": "metal-aluminium"}
-"""Preset of each shape of `scenes/objects/car.xml` that is shaded from a bake."""
+MATERIALS = {
+    "body": {"preset": "solid-red"},
+    "rubber": {
+        "bsdf": {
+            "type": "roughplastic",
+            "distribution": "ggx",
+            "alpha": 0.35,
+            "diffuse_reflectance": {"type": "rgb", "value": [0.02, 0.02, 0.02]},
+        }
+    },
+    "metal": {"preset": "rough-aluminium"},
+}
+"""Material of each shape of `scenes/objects/car.xml` that is shaded from a bake; glass is path-traced."""
 
 
 def main() -> None:
@@ -24,15 +37,16 @@ def main() -> None:
     parser.add_argument("--rays", type=int, default=64)
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    bakes = {
-        shape: rsibr.bake(
-            configs() / "demo.toml", out=given.out / f"{shape}.rsibr", overrides=[f'material.preset="{preset}"']
-        )
-        for shape, preset in MATERIALS.items()
-    }
+    bakes = {shape: _baked(material, given.out / f"{shape}.rsibr") for shape, material in MATERIALS.items()}
     width, height = (int(side) for side in given.resolution.split("x"))
-    scene, size = configs().parent / "scenes" / "objects" / "car.xml", (width, height)
+    scene, size = scenes() / "objects" / "car.xml", (width, height)
     rsibr.render(scene, bakes, resolution=size, rays=given.rays, out=given.out / "car.png")
+
+
+def _baked(material: dict[str, Any], out: Path) -> Bake:
+    sky = {"file": str(scenes() / "environments" / "city.exr")}
+    rest = {"map": {"resolution": 160}, "sampling": {"samples": 256}}
+    return rsibr.bake({"environment": sky, "material": material, **rest}, out=out)
 
 
 if __name__ == "__main__":
