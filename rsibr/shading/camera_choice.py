@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from difflib import get_close_matches
@@ -13,16 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsibr.errors import InputError
 from rsibr.shading.camera import Camera
+from rsibr.shading.fitted_camera import THREE_QUARTER, fitted_camera
 from rsibr.shading.object_scene import ObjectScene
 
 SIDE = 512
 """Pixels a side where neither the user nor the scene says."""
 MOST_PIXELS = 16384
 """Most pixels a side."""
-FOV_DEG = 40.0
+FOV_DEG = 30.0
 """Horizontal field of view by default [degrees]."""
-THREE_QUARTERS = (1.0, 0.6, 1.5)
-"""Direction from the object to the camera where none is given."""
 
 _KEYS = ("position", "target", "up", "fov_deg", "direction")
 
@@ -39,9 +37,9 @@ def chosen_camera(
     scene : ObjectScene
         Scene.
     camera : Camera or mapping, optional
-        A mapping has `position` and, if wanted, `target` (by default the middle of the object), or `direction` (from
-        the object to the camera, at the distance that shows the whole object); `up` and `fov_deg`. With `fov_deg`
-        alone it is the scene's camera with this field of view. By default the scene's camera, else one that sees the
+        A mapping has `position` and, if wanted, `target` (by default the middle of the object) and `up`; or
+        `direction` (from the object to the camera, at the distance that shows the whole object); and `fov_deg`. With
+        `fov_deg` alone it is the scene's camera with this field of view. By default the scene's camera, else one that sees the
         whole object.
     resolution : int or (int, int), optional
         Pixels a side, or width and height; by default the camera's, or 512.
@@ -62,35 +60,14 @@ def chosen_camera(
     return _looking(scene, given, size or (SIDE, SIDE))
 
 
-def fitted_distance(radius: float, fov_deg: float, aspect: float) -> float:
-    """Distance from which a sphere of some radius fills a picture, and is seen whole.
-
-    Parameters
-    ----------
-    radius : float
-        Radius of the sphere.
-    fov_deg : float
-        Horizontal field of view [degrees].
-    aspect : float
-        Height over width of the picture.
-    """
-    half = math.atan(math.tan(math.radians(fov_deg) / 2) * min(1.0, aspect))
-    return radius / math.sin(half)
-
-
 def _looking(scene: ObjectScene, given: Mapping[str, Any], size: tuple[int, int]) -> Camera:
-    target, up = _vector(given, "target", scene.centre), _vector(given, "up", (0.0, 1.0, 0.0))
-    fov_deg = _fov(given, FOV_DEG)
-    if "position" in given:
-        position = _vector(given, "position", target)
-    else:
-        direction = _vector(given, "direction", THREE_QUARTERS)
-        length = float(np.linalg.norm(direction))
-        if length == 0.0:
-            raise InputError("it has no length", where="camera.direction", fix="give a direction such as 1,0.5,2")
-        radius = scene.radius + float(np.linalg.norm(target - scene.centre))
-        position = target + fitted_distance(radius, fov_deg, size[1] / size[0]) * direction / length
-    return Camera.look_at(position, target, up, fov_deg=fov_deg, width=size[0], height=size[1])
+    fov_deg, (width, height) = _fov(given, FOV_DEG), size
+    if "position" not in given:
+        direction = _vector(given, "direction", THREE_QUARTER)
+        return fitted_camera(scene, direction, fov_deg, width=width, height=height)
+    position, target = _vector(given, "position", ()), _vector(given, "target", scene.centre)
+    up = _vector(given, "up", (0.0, 1.0, 0.0))
+    return Camera.look_at(position, target, up, fov_deg=fov_deg, width=width, height=height)
 
 
 def _check_keys(given: Mapping[str, Any]) -> None:
@@ -101,6 +78,8 @@ def _check_keys(given: Mapping[str, Any]) -> None:
             raise InputError(f"unknown key '{key}'", where="camera", fix=f"{meant}there are: {', '.join(_KEYS)}")
     if {"position", "direction"} <= given.keys():
         raise InputError("both position and direction", where="camera", fix="give one of them")
+    if "position" not in given and (lone := given.keys() & {"target", "up"}):
+        raise InputError(f"{min(lone)} without position", where="camera", fix="add a position")
 
 
 def _vector(given: Mapping[str, Any], key: str, default: ArrayLike) -> NDArray[np.float64]:

@@ -159,7 +159,7 @@ def render(
     method : str, optional
         Name of a method, one of `rsibr.method_names()`; by default that of `rsibr.reconstruct`.
     camera : Camera or mapping, optional
-        A mapping has `position` and `target`, or `direction` (from the object to the camera), and `up` and `fov_deg`.
+        A mapping has `position`, `target` and `up`, or `direction` (from the object to the camera), and `fov_deg`.
         By default the scene's camera, else one that sees the whole object.
     resolution : int or (int, int), optional
         Pixels a side, or width and height; by default the camera's, or 512.

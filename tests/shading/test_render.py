@@ -13,7 +13,7 @@ import rsibr
 from rsibr.baking.baker import bake
 from rsibr.errors import InputError
 from rsibr.shading.camera import Camera
-from rsibr.shading.camera_choice import chosen_camera, fitted_distance
+from rsibr.shading.camera_choice import chosen_camera
 from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.render import with_rest
 from tests.shading.test_picture_file import picture
@@ -100,7 +100,8 @@ def test_an_exposure_out_of_range(exposure):
         ({"position": (0, 0)}, "camera.position"),
         ({"position": (0, 0, float("nan"))}, "camera.position"),
         ({"position": "up"}, "camera.position"),
-        ({"direction": (0, 0, 0)}, "no length"),
+        ({"direction": (0, 0, 0)}, "direction"),
+        ({"direction": (0, 0, 1), "up": (0, 0, 1)}, "up without position"),
         ({"direction": (0, 0, 1), "position": (0, 0, 1)}, "both"),
         ({"position": (0, 0, 4), "fov_deg": 180}, "fov_deg"),
         ({"position": (0, 0, 4), "target": (0, 0, 4)}, "its own position"),
@@ -117,12 +118,14 @@ def test_a_resolution_that_is_none(resolution):
         chosen_camera(two_spheres(), None, resolution)
 
 
-@pytest.mark.parametrize("aspect", [0.5, 1.0, 2.0])
-def test_a_fitted_sphere_touches_the_edge_of_the_picture(aspect):
-    """The tangent cone of a sphere has sin = radius / distance."""
-    distance = fitted_distance(2.0, 50.0, aspect)
-    shown = np.tan(np.radians(25)) * min(1, aspect)
-    assert np.tan(np.arcsin(2.0 / distance)) == pytest.approx(shown)
+@pytest.mark.parametrize("size", [(20, 10), (10, 20)])
+def test_a_direction_gives_a_camera_that_sees_the_whole_object(size):
+    camera = chosen_camera(two_spheres(), {"direction": (0, 0, 2), "fov_deg": 50}, size)
+    assert (camera.width, camera.height, camera.fov_deg) == (*size, 50)
+    np.testing.assert_allclose(camera.position[:2], 0, atol=1e-6)
+    np.testing.assert_allclose(camera.forward, (0, 0, -1), atol=1e-12)
+    half = np.tan(np.radians(25))
+    assert 1.5 < half * (camera.position[2] - 0.5) < 1.5 * 1.1
 
 
 def test_the_scene_s_camera_is_taken_unless_another_is_given():
