@@ -39,8 +39,8 @@ def chosen_camera(
     camera : Camera or mapping, optional
         A mapping has `position` and, if wanted, `target` (by default the middle of the object) and `up`; or
         `direction` (from the object to the camera, at the distance that shows the whole object); and `fov_deg`. With
-        `fov_deg` alone it is the scene's camera with this field of view. By default the scene's camera, else one that sees the
-        whole object.
+        `fov_deg` alone it is the scene's camera with this field of view. By default the scene's camera, else one that
+        sees the whole object.
     resolution : int or (int, int), optional
         Pixels a side, or width and height; by default the camera's, or 512.
 
