@@ -24,15 +24,15 @@ from typing import Any
 TARGETS = {
     "config-bytes": 0.08, "config-tables": 0.08, "override": 0.06, "views": 0.05, "environment": 0.06,
     "emitter": 0.04, "bsdf": 0.05, "xml": 0.04, "bake": 0.05, "command-line": 0.04,
-    "stranger-manifest": 0.14, "stranger-map": 0.08, "stranger-light": 0.04, "stranger-files": 0.02,
-    "radiance": 0.08, "exr": 0.09,
+    "stranger-manifest": 0.10, "stranger-map": 0.08, "stranger-light": 0.04, "stranger-files": 0.02,
+    "radiance": 0.07, "exr": 0.08, "mesh": 0.04, "scene": 0.02,
 }  # fmt: skip
 """What is fuzzed, and its share of the inputs; of `radiance` and `exr` the right picture is known."""
 
-PLUGINS = ("emitter", "bsdf", "xml")
+PLUGINS = ("emitter", "bsdf", "xml", "scene")
 """Targets that a user's command loads in a process of its own first: a crash there must end as an error."""
 
-SLOWEST = ("stranger-manifest", "stranger-map", "bsdf", "xml", "emitter")
+SLOWEST = ("stranger-manifest", "stranger-map", "bsdf", "xml", "emitter", "scene")
 """Targets that are begun first, so that the processors end together."""
 
 TIMEOUT = 60.0

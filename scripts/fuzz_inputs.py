@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import OpenEXR
 from fuzz_bakes import BakeInputs
+from fuzz_objects import Objects
 from fuzz_panoramas import Panoramas
 
 from rsibr.cli import app as command_line
@@ -131,6 +132,7 @@ STRANGER = "stranger.rsibr"
 FAMILIES: list[Callable[[Path, Path], Any]] = [
     lambda folder, bake: BakeInputs(folder, bake.with_name(STRANGER)),
     lambda folder, _bake: Panoramas(folder, _mutated),
+    lambda folder, _bake: Objects(folder, _mutated),
 ]
 """Further inputs, a file each: (folder, small bake) → object whose `targets()` are kinds by name, as those of `Inputs`.
 

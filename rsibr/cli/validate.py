@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsibr.cli.options import BakePath, Imports, Json, Yes, check_output_folder, imported, parse_view
+from rsibr.cli.named_bakes import named_bakes, only_bake
+from rsibr.cli.options import Imports, Json, Yes, check_output_folder, imported, parse_resolution, parse_view
 from rsibr.errors import printable
 
 if TYPE_CHECKING:
     from rsibr.budget.promise import Promise
     from rsibr.store.bake import Bake
+    from rsibr.validation.objects.results import ObjectValidation
     from rsibr.validation.results import Validation
 
 MOST_VIEWS = 10_000
@@ -21,7 +23,12 @@ MOST_VIEWS = 10_000
 
 
 def validate(
-    bake: BakePath,
+    bake: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="BAKE…", help="Directory of a bake; with --object also ID=BAKE for a shape.", show_default=False
+        ),
+    ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Directory for report.html, metrics.json and images.")],
     views: Annotated[int, typer.Option(min=1, max=MOST_VIEWS, help="Novel views: half at centroids, half random.")] = 8,
     view: Annotated[
@@ -33,24 +40,41 @@ def validate(
         bool | None,
         typer.Option("--lobes/--no-lobes", help="Errors of single lobes of rsibr; by default if there are several."),
     ] = None,
+    scene: Annotated[
+        str | None,
+        typer.Option("--object", metavar="SCENE", help="Judge a picture of this object: XML, mesh file, or 'sphere'."),
+    ] = None,
+    camera: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="Position of the camera, with --object; by default the scene's.")
+    ] = None,
+    resolution: Annotated[str | None, typer.Option(metavar="N|WxH", help="Pixels of the picture.")] = None,
+    rays: Annotated[int, typer.Option(min=1, max=4096, help="Rays a pixel of the picture.")] = 16,
+    lookup: Annotated[str, typer.Option(help="How surfaces of the picture take their radiance.")] = "pixel",
+    occlusion: Annotated[str, typer.Option(metavar="off|auto|on", help="The picture's own shadows.")] = "auto",
     allow_large: Yes = False,
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
     """Compare methods with path-traced references at views that were not baked: errors, times, report.
 
+    With --object, compare pictures of an object with open shading and with path tracing, by zone and by cause.
+
     Exits with 1 if the bake promised an error (`budget.error`) that the default method exceeds at --views novel views.
     """
     given = [parse_view(text) for text in view or ()]
     check_output_folder(out)
     imported(imports)
+    if scene is not None:
+        view_of = (camera, resolution, rays, lookup, occlusion)
+        _validate_object(scene, bake, out, view_of, method, samples, allow_large=allow_large, json_output=json_output)
+        return
     from rsibr.cli.console import step_progress
     from rsibr.cli.job import note_job
     from rsibr.cli.promises import exit_code
     from rsibr.store.bake import open_bake
     from rsibr.validation.validation import validate as run
 
-    opened = open_bake(bake)
+    opened = open_bake(only_bake(bake))
     with step_progress("validate") as show:
         found = run(
             opened,
@@ -66,6 +90,47 @@ def validate(
     print_validation(found, out, json_output=json_output)
     if not given:
         raise typer.Exit(exit_code(_promise(opened, found)))
+
+
+def _validate_object(
+    scene: str,
+    bakes: list[str],
+    out: Path,
+    view_of: tuple[str | None, str | None, int, str, str],
+    methods: list[str] | None,
+    samples: int,
+    *,
+    allow_large: bool,
+    json_output: bool,
+) -> None:
+    camera, resolution, rays, lookup, occlusion = view_of
+    position = None if camera is None else parse_view(camera, "--camera")
+    size = None if resolution is None else parse_resolution(resolution)
+    named = named_bakes(bakes)
+    from rsibr import backend
+    from rsibr.cli.console import step_progress
+    from rsibr.cli.job import note_job
+    from rsibr.shading.scene_file import open_scene
+    from rsibr.validation.objects.validation import validate_object
+    from rsibr.validation.objects.view import object_camera
+
+    with backend.session(), step_progress("validate") as show:
+        opened = open_scene(scene)
+        found = validate_object(
+            opened,
+            named,
+            camera=object_camera(opened, position, size),
+            methods=methods or None,
+            lookup=lookup,
+            occlusion=occlusion,
+            rays=rays,
+            samples=samples,
+            out=out,
+            on_progress=show,
+            on_forecast=note_job,
+            allow_large=allow_large,
+        )
+    print_object(found, out, json_output=json_output)
 
 
 def _promise(bake: Bake, found: Validation) -> Iterator[Promise]:
@@ -107,5 +172,34 @@ def print_validation(found: Validation, out: Path, *, json_output: bool) -> None
         point = "" if summary.eval_seconds is None else f"{summary.eval_seconds * 1e9:.0f}"
         prepare = f"{summary.prepare_seconds + summary.compile_seconds:.1f}"
         table.add_row(name, *row, point, f"{found.bake.seconds:.1f}", prepare, pays)
+    print_table(table)
+    typer.echo(f"report: {printable(out / 'report.html')}")
+
+
+def print_object(found: ObjectValidation, out: Path, *, json_output: bool) -> None:
+    """Print the table of methods and causes, or the contents of `object.json`."""
+    if json_output:
+        typer.echo((out / "object.json").read_text(encoding="utf-8"), nl=False)
+        return
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from rsibr.cli.table import print_table
+
+    table = Table(box=SIMPLE_HEAD)
+    for heading in ("method or cause", "relMSE, open", "relMSE, path-traced", "SMAPE", "FLIP", "energy", "ns a hit"):
+        table.add_column(heading, no_wrap=True)
+    for name, made in found.methods.items():
+        whole = made.open.whole
+        energy = "" if whole.energy_ratio is None else f"{whole.energy_ratio.value:.4f}"
+        errors = (
+            str(whole.rel_mse),
+            str(made.full.whole.rel_mse),
+            f"{whole.smape.value:.4f}",
+            f"{whole.flip.value:.4f}",
+        )
+        table.add_row(name, *errors, energy, f"{made.seconds_of_hit * 1e9:.0f}")
+    for cause in found.causes:
+        table.add_row(cause.name, str(cause.rel_mse))
     print_table(table)
     typer.echo(f"report: {printable(out / 'report.html')}")

@@ -51,10 +51,11 @@ def load_bsdf(source: BsdfSource, where: str) -> mi.BSDF:
     # Names in XML may be undecodable bytes: reading any name can raise
     with _checked_files(source, where), backend.loading(), mitsuba_errors(where, _FIX):
         state = _parse(source, where)
-        _check_nodes(state, where)
+        _require_constant(state, where)
+        require_nested(state, where)
         _root_at_bsdf(state, where)
-        _replace_plugins(state)
-        return mi.parser.instantiate(_parser_config(), state)
+        replace_plugins(state)
+        return mi.parser.instantiate(parser_config(), state)
 
 
 def bsdf_data(xml: Path, where: str) -> dict[str, Any]:
@@ -98,7 +99,8 @@ def bsdf_digest(source: BsdfSource, where: str) -> str:
     return content_digest("\n".join(texts), [*included, *files.spectra, *files.data, *sources_of(files.types)])
 
 
-def _parser_config() -> mi.parser.ParserConfig:
+def parser_config() -> mi.parser.ParserConfig:
+    """Configuration of Mitsuba's parser in the current variant: nodes as written, one after another."""
     config = mi.parser.ParserConfig(mi.variant())
     config.merge_meshes = config.merge_equivalent = False  # keep the nodes as written
     config.parallel = False  # two Python plugins that are instantiated at once end the process
@@ -106,7 +108,7 @@ def _parser_config() -> mi.parser.ParserConfig:
 
 
 def _parse(source: BsdfSource, where: str) -> mi.parser.ParserState:
-    config = _parser_config()
+    config = parser_config()
     with mitsuba_errors(where, _FIX):
         parse = mi.parser.parse_file if isinstance(source, Path) else mi.parser.parse_dict
         state = parse(config, str(source) if isinstance(source, Path) else source)
@@ -114,7 +116,7 @@ def _parse(source: BsdfSource, where: str) -> mi.parser.ParserState:
         return state
 
 
-def _check_nodes(state: mi.parser.ParserState, where: str) -> None:
+def _require_constant(state: mi.parser.ParserState, where: str) -> None:
     for node in state.nodes:
         name = node.props.plugin_name()
         if node.type == mi.ObjectType.Texture and name in _TEXTURES:
@@ -123,6 +125,12 @@ def _check_nodes(state: mi.parser.ParserState, where: str) -> None:
                 where=where,
                 fix="use a constant value",
             )
+
+
+def require_nested(state: mi.parser.ParserState, where: str) -> None:
+    """Raise an InputError unless each wrapper has its nested BSDFs, without which Mitsuba may crash."""
+    for node in state.nodes:
+        name = node.props.plugin_name()
         fewest, most = NESTED.get(name, (0, len(state.nodes)))
         types = [child.type for child in _children(state, node)]
         nested = types.count(mi.ObjectType.BSDF)
@@ -147,7 +155,7 @@ def _root_at_bsdf(state: mi.parser.ParserState, where: str) -> None:
     state.nodes[0] = state.nodes[top[0]]
 
 
-def _replace_plugins(state: mi.parser.ParserState) -> None:
+def replace_plugins(state: mi.parser.ParserState) -> None:
     """Put plugins that are right in place of those of Mitsuba that are not."""
     for node in state.nodes:
         name = node.props.plugin_name()

@@ -16,7 +16,9 @@ import os
 import signal
 import subprocess
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from rsibr.errors import InputError
 from rsibr.regular_file import is_file
@@ -36,6 +38,9 @@ BEGUN = "rsibr trial begun"
 """Printed by the child once its imports succeeded; without it the interpreter could not run the trial."""
 
 _NAME_THE_MODULE = 'Name its module in the config, as in plugins = {modules = ["my_plugins"]}, or with --import'
+
+CHILD = "rsibr.scene.trial_child"
+"""Module that loads an environment or a material."""
 
 _survived: set[str] = set()
 
@@ -64,19 +69,47 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str, tim
     """
     if os.environ.get(IN_TRIAL):
         return ""
-    types = _types(config)
+    kind = "environment" if isinstance(config, EnvironmentConfig) else "material"
+    section = {kind: config.model_dump(mode="json", exclude_none=True)}
+    return require_survival_of(CHILD, section, _types(config), _files(config), where, timeout)
+
+
+def require_survival_of(
+    child: str,
+    section: dict[str, Any],
+    types: Iterable[str],
+    files: Iterable[Path],
+    where: str,
+    timeout: float = TIMEOUT,
+) -> str:
+    """Have a child process load plain data, unless the same content has survived that before.
+
+    Parameters
+    ----------
+    child : str
+        Module to run. It reads the section from stdin, as JSON with the plugin modules to load under `modules`, and
+        prints `BEGUN` before it loads it.
+    section : dict
+        What to load.
+    types : iterable of str
+        Types of all plugins in it.
+    files : iterable of Path
+        Files that it names.
+    where, timeout
+        See `require_survival`, also for what is returned and raised.
+    """
+    if os.environ.get(IN_TRIAL):
+        return ""
     by_hand = registered_by_hand(types)
     if by_hand:
         names = ", ".join(f"'{name}'" for name in by_hand)
         return f"{names}: registered in this process only, where no other process finds it. {_NAME_THE_MODULE}"
-    kind = "environment" if isinstance(config, EnvironmentConfig) else "material"
-    section = config.model_dump(mode="json", exclude_none=True)
-    document = json.dumps({kind: section, "modules": list(plugin_modules())})
-    files = [*_files(config), *sources_of(types)]
-    content = hashlib.sha256(json.dumps({kind: section}).encode() + b"".join(map(_content, files))).hexdigest()
+    document = json.dumps(section | {"modules": list(plugin_modules())})
+    contents = b"".join(map(_content, [*files, *sources_of(types)]))
+    content = hashlib.sha256(json.dumps(section).encode() + contents).hexdigest()
     if content in _survived:
         return ""
-    code = _run_child(document, where, timeout)
+    code = _run_child(document, where, timeout, child)
     if code is None:
         return f"no Python interpreter was found to try {where} in. Name one in {OVERRIDE}"
     if code < 0:
@@ -95,10 +128,10 @@ def warn_untried(reason: str) -> None:
         warnings.warn(f"loaded without a trial, so that a crash would have ended this process: {reason}", stacklevel=3)
 
 
-def _run_child(document: str, where: str, timeout: float = TIMEOUT) -> int | None:
+def _run_child(document: str, where: str, timeout: float = TIMEOUT, child: str = CHILD) -> int | None:
     """Exit code of a trial, negative if a signal ended it; None if no interpreter could run one."""
     for interpreter in interpreters():
-        code, begun = _attempt(interpreter, document, where, timeout)
+        code, begun = _attempt(interpreter, document, where, timeout, child)
         if begun:
             return code
     if os.environ.get(OVERRIDE):
@@ -108,11 +141,11 @@ def _run_child(document: str, where: str, timeout: float = TIMEOUT) -> int | Non
     return None
 
 
-def _attempt(interpreter: str, document: str, where: str, timeout: float) -> tuple[int, bool]:
+def _attempt(interpreter: str, document: str, where: str, timeout: float, child: str) -> tuple[int, bool]:
     """Exit code of one interpreter, and whether the trial began in it."""
     try:
         done = subprocess.run(
-            [interpreter, "-P", "-m", "rsibr.scene.trial_child"],
+            [interpreter, "-P", "-m", child],
             input=document.encode(),
             env=os.environ | {IN_TRIAL: "1", "PYTHONPATH": search_path()},
             stdout=subprocess.PIPE,

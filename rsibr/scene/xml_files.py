@@ -33,18 +33,21 @@ class XmlFiles:
         Folders at which relative names start, the first one first.
     documents : list of (Path, Element)
         The file itself and all that it includes, in the order in which Mitsuba reads them.
+    within : tuple of str
+        Elements whose files count: those of other elements, and those of emitters, are not looked for.
     spectra, data : list of Path
-        Spectra, and other files named inside BSDFs; each exists.
+        Spectra, and other files named inside these elements; each exists.
     """
 
     folders: list[Path]
+    within: tuple[str, ...] = ("bsdf",)
     documents: list[tuple[Path, ElementTree.Element]] = field(default_factory=list)
     spectra: list[Path] = field(default_factory=list)
     data: list[Path] = field(default_factory=list)
     _defaults: dict[str, str] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, xml: Path, where: str) -> XmlFiles:
+    def of(cls, xml: Path, where: str, within: tuple[str, ...] = ("bsdf",)) -> XmlFiles:
         """Parse a file and its includes, and find the files that they name.
 
         Raises
@@ -52,7 +55,7 @@ class XmlFiles:
         InputError
             If a file does not exist, is no regular file, is not well-formed XML, or is no spectrum where one is named.
         """
-        files = cls([xml.resolve().parent])
+        files = cls([xml.resolve().parent], within)
         try:
             files._read(xml, where, 0)
         except OSError as error:  # a name that the system cannot hold
@@ -79,7 +82,7 @@ class XmlFiles:
             raise InputError(f"includes files more than {_DEEPEST} deep", where=where, fix="does one include itself?")
         root = _parsed(xml, where)
         self.documents.append((xml, root))
-        for element, inside_bsdf in _walk(root, root.tag == "bsdf"):
+        for element, is_inside in _walk(root, root.tag in self.within, self.within):
             match element.tag:
                 case "default":
                     self._defaults.setdefault(element.get("name", ""), element.get("value", ""))
@@ -89,7 +92,7 @@ class XmlFiles:
                     self._read(self._found(name, where), where, depth + 1)
                 case "spectrum" if name := element.get("filename"):
                     self.spectra.append(self._found(name, where))
-                case "string" if element.get("name") == "filename" and inside_bsdf:
+                case "string" if element.get("name") == "filename" and is_inside:
                     self.data.append(self._found(element.get("value", ""), where))
 
     def _add_folder(self, name: str, where: str) -> None:
@@ -117,12 +120,14 @@ class XmlFiles:
         return name
 
 
-def _walk(element: ElementTree.Element, inside_bsdf: bool) -> Iterator[tuple[ElementTree.Element, bool]]:
-    """All elements below one in document order, each with whether it lies inside a BSDF."""
+def _walk(
+    element: ElementTree.Element, is_inside: bool, within: tuple[str, ...]
+) -> Iterator[tuple[ElementTree.Element, bool]]:
+    """All elements below one in document order, each with whether its files count."""
     for child in element:
-        inside = inside_bsdf or child.tag == "bsdf"
+        inside = (is_inside or child.tag in within) and child.tag != "emitter"
         yield child, inside
-        yield from _walk(child, inside)
+        yield from _walk(child, inside, within)
 
 
 def _parsed(xml: Path, where: str) -> ElementTree.Element:

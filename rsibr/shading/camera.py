@@ -91,10 +91,43 @@ class Camera:
         axes = np.stack([right, np.cross(backward, right), backward], axis=1)
         return cls(eye, axes, float(fov_deg), width, height, np.array([0.0, 0.0, 1.0, 1.0]))
 
+    @classmethod
+    def of_sensor(cls, sensor: mi.Sensor) -> Camera:
+        """Make the camera of a perspective sensor of Mitsuba: same rays, same pixels.
+
+        Principal point and crop window are kept; the lens of a `thinlens` is taken as a pinhole, and clipping planes
+        are left out.
+
+        Parameters
+        ----------
+        sensor : mi.Sensor
+            Loaded in any variant.
+
+        Raises
+        ------
+        InputError
+            If it is no perspective sensor.
+        """
+        values = mi.traverse(sensor)
+        if "x_fov" not in values:
+            kind = sensor.class_name()
+            raise InputError(f"a sensor of the class {kind}", where="camera", fix="use a perspective sensor")
+        film = sensor.film()
+        whole, crop, corner = (
+            np.array(value, dtype=np.float64).reshape(2)
+            for value in (film.size(), film.crop_size(), film.crop_offset())
+        )
+        shift = [_number(values[key]) if (key := f"principal_point_offset_{axis}") in values else 0.0 for axis in "xy"]
+        window = np.concatenate([corner / whole + shift, crop / whole])
+        to_world = np.array(sensor.world_transform().matrix, dtype=np.float64).reshape(4, 4)
+        axes = to_world[:3, :3] * np.array([-1.0, 1.0, -1.0])  # Mitsuba's columns: left, up, forward
+        axes /= np.linalg.norm(axes, axis=0)
+        return cls(to_world[:3, 3], axes, _number(values["x_fov"]), int(crop[0]), int(crop[1]), window)
+
     @property
     def forward(self) -> NDArray[np.float64]:
         """Unit view direction in world coordinates."""
-        return -self.axes[:, 2]
+        return 0.0 - self.axes[:, 2]
 
     @property
     def half_width(self) -> float:
@@ -143,3 +176,7 @@ class CameraRays:
     def centre(self, pixel: mi.UInt32) -> mi.Point2f:
         """Middle of a pixel [pixels], row by row from the top."""
         return mi.Point2f(mi.Float(pixel % self.width) + 0.5, mi.Float(pixel // self.width) + 0.5)
+
+
+def _number(value: object) -> float:
+    return float(np.array(value, dtype=np.float64).reshape(-1)[0])

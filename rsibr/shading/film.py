@@ -20,6 +20,18 @@ PIXELS_PER_LAUNCH = 2**22
 """Most pixels of one kernel launch: 4K in two, 1080p in one."""
 
 
+def place_steps(rays: int) -> tuple[mi.Float, mi.Float]:
+    """Steps of the lattice of a pixel's rays, across and down [pixels]; opaque, so that all numbers share kernels."""
+    return dr.opaque(mi.Float, 1 / rays), dr.opaque(mi.Float, generator(rays).texel[1] / rays)
+
+
+def place_in_pixel(k: mi.UInt32, steps: tuple[mi.Float, mi.Float]) -> mi.Point2f:
+    """Place of ray number `k` in the square of its pixel, in [0, 1)², from the top left."""
+    along = mi.Float(k)
+    place = mi.Point2f(dr.fma(along, steps[0], 0.5 * steps[0]), dr.fma(along, steps[1], 0.5 * steps[0]))
+    return place - dr.floor(place)
+
+
 @dataclass
 class Sums:
     """Sums over the rays of a pixel, one pixel a lane.
@@ -77,13 +89,12 @@ def developed(scene: ObjectScene, camera: Camera, types: SurfaceTypes, shades: l
         Rays a pixel.
     """
     on_device, pixels = camera.on_device(), camera.width * camera.height
-    count = dr.opaque(mi.UInt32, rays)
-    across, down = (dr.opaque(mi.Float, c / rays) for c in (1, generator(rays).texel[1]))
+    count, steps = dr.opaque(mi.UInt32, rays), place_steps(rays)
     parts = []
     for first in range(0, pixels, PIXELS_PER_LAUNCH):
         size = min(PIXELS_PER_LAUNCH, pixels - first)
         pixel = dr.arange(mi.UInt32, size) + dr.opaque(mi.UInt32, first)
-        sums = _sums(scene.geometry, on_device, types, shades, pixel, count, (across, down))
+        sums = _sums(scene.geometry, on_device, types, shades, pixel, count, steps)
         dr.eval(sums)
         parts.append(sums)
     return _picture(parts, camera, rays)
@@ -101,9 +112,7 @@ def _sums(
     corner = camera.centre(pixel) - 0.5
 
     def one_ray(k: mi.UInt32, sums: Sums) -> tuple[mi.UInt32, Sums]:
-        along = mi.Float(k)
-        place = mi.Point2f(dr.fma(along, steps[0], 0.5 * steps[0]), dr.fma(along, steps[1], 0.5 * steps[0]))
-        surfaces = first_surfaces(geometry, camera.ray(corner + place - dr.floor(place)))
+        surfaces = first_surfaces(geometry, camera.ray(corner + place_in_pixel(k, steps)))
         kind = types.of(surfaces)
         radiance = mi.Color3f(0)
         for index, shade in enumerate(shades):

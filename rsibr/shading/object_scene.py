@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -43,7 +44,18 @@ class ObjectScene:
     @cached_property
     def geometry(self) -> mi.Scene:
         """Mitsuba scene of the shapes alone."""
-        return backend.load({"type": "scene", **self.shapes})
+        return self.loaded({})
+
+    def loaded(self, extra: Mapping[str, Any]) -> mi.Scene:
+        """Mitsuba scene of the shapes and further entries of its dictionary, such as an emitter.
+
+        The shapes have keys of their own in it: ids may hold dots, which keys may not, or be those of `extra`.
+        """
+        keyed = {f"rsibr_shape_{number}": shape for number, shape in enumerate(self.shapes.values())}
+        scene = backend.load({"type": "scene", **keyed, **extra})
+        for name, shape in self.shapes.items():
+            shape.set_id(name)  # Mitsuba has made the key the id
+        return scene
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:

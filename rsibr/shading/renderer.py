@@ -7,14 +7,22 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.registry import default_method
 from rsibr.shading.camera import Camera
+from rsibr.shading.effects.evidence import Evidence, SceneEvidence
+from rsibr.shading.effects.object_plan import ObjectPlan
+from rsibr.shading.effects.perspective import lookup_for
+from rsibr.shading.effects.registry import SWITCHES, check_switches
 from rsibr.shading.film import developed
-from rsibr.shading.lookups.registry import Lookup, lookup_named
+from rsibr.shading.lookups.registry import Lookup, Shade, lookup_named
 from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.occlusion.arriving import BOUNCES
+from rsibr.shading.occlusion.occlusion import Occlusion
 from rsibr.shading.picture import Picture
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.store.bake import Bake, open_bake
@@ -36,25 +44,66 @@ class ObjectRenderer:
     method : str, optional
         Method of all bakes; by default that of `rsibr.reconstruct`.
     lookup : str
-        How a surface takes its radiance from the method, one of `rsibr.shading.lookups.registry.lookups`.
+        How a surface takes its radiance from the method, one of `rsibr.shading.lookups.registry.lookups`; "auto": the
+        cheapest that the perspective allows.
+    occlusion : {"auto", "on", "off"}
+        Whether the object hides the sky from itself: a short form of `effects["self_occlusion"]`.
+    effects : mapping of str to {"auto", "on", "off"}, optional
+        What is forced, by the names of `rsibr.shading.effects`.
+    environment_distance : float, optional
+        Distance [scene units] to what lights the object, from which the error of a light at infinity is told.
 
     Attributes
     ----------
     prepare_seconds : float
         Wall time of the preparation [s].
+    plan : ObjectPlan
+        Effects of the last picture; before the first one, those of a camera that sees the whole object.
     """
 
     def __init__(
-        self, scene: ObjectScene, bakes: Mapping[str, Bake], method: str | None = None, lookup: str = "pixel"
+        self,
+        scene: ObjectScene,
+        bakes: Mapping[str, Bake],
+        method: str | None = None,
+        lookup: str = "pixel",
+        *,
+        occlusion: str = "auto",
+        effects: Mapping[str, str] | None = None,
+        environment_distance: float | None = None,
     ) -> None:
         start = time.perf_counter()
-        self.scene, self.bakes = scene, dict(bakes)
+        self.scene, self.bakes, self.lookup = scene, dict(bakes), lookup
+        self.switches = _switches(occlusion, effects or {})
+        if lookup != "auto":
+            lookup_named(lookup)
         self.types = SurfaceTypes.assign(scene, list(bakes))
-        make = lookup_named(lookup).make
-        methods = {path: MethodSet(bake) for path, bake in {bake.path: bake for bake in bakes.values()}.items()}
-        self.methods = [methods[bake.path][method or default_method(bake)] for bake in bakes.values()]
-        self.lookups: list[Lookup] = [make(one, scene) for one in self.methods]
+        sets = {path: MethodSet(bake) for path, bake in {bake.path: bake for bake in bakes.values()}.items()}
+        self.methods = [sets[bake.path][method or default_method(bake)] for bake in bakes.values()]
+        self.inputs = [sets[bake.path].inputs for bake in bakes.values()]
+        self._lookups: dict[str, list[Lookup]] = {}
+        self._occlusions: dict[int, Occlusion] = {}
+        self._evidence = SceneEvidence(scene, self.types, self.inputs, environment_distance)
+        self._plan: ObjectPlan | None = None
         self.prepare_seconds = time.perf_counter() - start
+
+    @property
+    def lookups(self) -> list[Lookup]:
+        """Lookup of each surface type: the one that was asked for, a pixel's own view if none was."""
+        return self.lookups_named("pixel" if self.lookup == "auto" else self.lookup)
+
+    @property
+    def plan(self) -> ObjectPlan:
+        """See the attributes."""
+        if self._plan is None:
+            away = self.scene.centre + np.array([0.0, 0.0, 4.0]) * self.scene.radius
+            self._plan = self.plan_of(self.scene.camera or Camera.look_at(away, self.scene.centre))
+        return self._plan
+
+    @backend.in_session
+    def plan_of(self, camera: Camera, rays: int = RAYS) -> ObjectPlan:
+        """Effects that a picture of a camera would simulate."""
+        return ObjectPlan.of(self._evidence_of(camera, rays))
 
     @backend.in_session
     def picture(self, camera: Camera, rays: int = RAYS) -> Picture:
@@ -69,16 +118,54 @@ class ObjectRenderer:
         """
         if not 1 <= rays <= _MOST_RAYS:
             raise InputError(f"{rays} rays a pixel", where="rays", fix=f"give 1 to {_MOST_RAYS}")
+        rays = 1 if self.switches.get("silhouettes") == "off" else rays
         start = time.perf_counter()
-        shades = [lookup.toward(camera) for lookup in self.lookups]
+        evidence = self._evidence_of(camera, rays)
+        shades = self.shades(camera, ObjectPlan.of(evidence))
         backend.synchronize()
         prepared = time.perf_counter() - start
         made = developed(self.scene, camera, self.types, shades, rays)
         backend.synchronize()
         seconds = time.perf_counter() - start - prepared
-        return replace(made, seconds=seconds, prepare_seconds=self.prepare_seconds + prepared, notes=self.scene.notes)
+        self._plan = ObjectPlan.of(replace(evidence, counts=made.counts, silhouette_share=_partly_covered(made)))
+        notes = (*self.scene.notes, *self._plan.notes())
+        return replace(made, seconds=seconds, prepare_seconds=self.prepare_seconds + prepared, notes=notes)
+
+    def shades(self, camera: Camera, plan: ObjectPlan) -> list[Shade]:
+        """Shading of each surface type as a plan says, prepared for a camera."""
+        lookups = self.lookups_named(lookup_for(plan["perspective"], self.lookup))
+        shades = [lookup.toward(camera) for lookup in lookups]
+        if not plan["self_occlusion"].on:
+            return shades
+        bounces = BOUNCES if plan["interreflection"].on else 0
+        if bounces not in self._occlusions:
+            self._occlusions[bounces] = Occlusion.of(self.scene, self.types, self.inputs, bounces=bounces)
+        return [self._occlusions[bounces].shading(shade, index) for index, shade in enumerate(shades)]
+
+    def lookups_named(self, name: str) -> list[Lookup]:
+        """Lookup of each surface type, made at first use."""
+        if name not in self._lookups:
+            self._lookups[name] = [lookup_named(name).make(one, self.scene) for one in self.methods]
+        return self._lookups[name]
+
+    def _evidence_of(self, camera: Camera, rays: int) -> Evidence:
+        return Evidence(self._evidence, camera, self.lookup, rays, self.switches)
 
 
 def opened(bake: Bake | Path | str) -> Bake:
     """Open a bake, unless it is open."""
     return bake if isinstance(bake, Bake) else open_bake(Path(bake))
+
+
+def _switches(occlusion: str, effects: Mapping[str, str]) -> dict[str, str]:
+    """Switches of all effects that were named; InputError for what there is not."""
+    if occlusion not in SWITCHES:
+        raise InputError(f"'{occlusion}'", where="occlusion", fix=f"give one of: {', '.join(SWITCHES)}")
+    switches = {"self_occlusion": occlusion, **effects}
+    check_switches(switches)
+    return switches
+
+
+def _partly_covered(picture: Picture) -> float:
+    covered = int((picture.alpha > 0).sum())
+    return float(((picture.alpha > 0) & (picture.alpha < 1)).sum()) / max(covered, 1)

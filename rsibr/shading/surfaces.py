@@ -40,7 +40,8 @@ class Surfaces:
     triangle : mi.UInt32
         Number of the triangle in its mesh.
     barycentric : mi.Point2f
-        Place in the triangle: weights of its second and third vertex.
+        Place in the triangle: weights of its second and third vertex; on a shape that is not a mesh, its parameters
+        (u, v).
     replaced, flipped, bent : mi.Bool
         Whether the shading normal was no direction; faced against the geometric normal; or faced away from the viewer.
     is_back : mi.Bool
@@ -98,7 +99,7 @@ def first_surfaces(scene: mi.Scene, ray: mi.Ray3f, active: mi.Bool | bool = True
         distance=at.t,
         shape=dr.reinterpret_array(mi.UInt32, at.shape),
         triangle=found.prim_index,
-        barycentric=found.prim_uv,
+        barycentric=dr.select(at.shape.is_mesh(), found.prim_uv, at.uv),
         replaced=replaced,
         flipped=flipped,
         bent=bent,

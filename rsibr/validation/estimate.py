@@ -57,7 +57,7 @@ class Estimate:
             return f"below the noise floor, < {readable(high, 2)}" if high > 0 else "below the noise floor"
         if low == high:
             return readable(self.value)
-        return _with_uncertainty(self.value, (high - low) / 2)
+        return with_uncertainty(self.value, (high - low) / 2)
 
 
 def readable(value: float, digits: int = 3) -> str:
@@ -82,8 +82,10 @@ def readable(value: float, digits: int = 3) -> str:
     return f"{value / 10.0**exponent:.{digits - 1}f} × {_power_of_ten(exponent)}"
 
 
-def _with_uncertainty(value: float, half: float) -> str:
-    """Format value and half its interval, the latter to two digits, with a common power of ten."""
+def with_uncertainty(value: float, half: float) -> str:
+    """Format value and half its interval, the latter to two digits, with a common power of ten: `0.0123 ± 0.0004`."""
+    if half == 0:
+        return readable(value)
     exponent = _exponent(max(abs(value), half))
     plain = _PLAIN[0] <= exponent < _PLAIN[1]
     unit = 1.0 if plain else 10.0**exponent

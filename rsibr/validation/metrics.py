@@ -6,7 +6,7 @@ the energy ratio and the worst texel are always reported too, because no single 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,9 +83,13 @@ class MapError:
 
 
 def compare(
-    candidate: NDArray[np.floating], reference: Reference, exposures: Exposures, name: str = "candidate"
+    candidate: NDArray[np.floating],
+    reference: Reference,
+    exposures: Exposures,
+    name: str = "candidate",
+    zones: Mapping[str, NDArray[np.bool_]] | None = None,
 ) -> MapError:
-    """Compare a map with a path-traced reference.
+    """Compare a map, or a picture of an object, with a path-traced reference.
 
     Parameters
     ----------
@@ -97,6 +101,8 @@ def compare(
         Exposures of FLIP from `exposures_for`; the same for all views and methods to be compared.
     name : str
         Name of the candidate in error messages.
+    zones : mapping of str to ndarray of bool, shape (H, W), optional
+        Zones of the image; by default `ZONES` by radius.
 
     Returns
     -------
@@ -119,16 +125,17 @@ def compare(
     b = buffers.mean(axis=0)
 
     squared = (a - b) ** 2 / denominator(b)
-    all_channels, channels, zones = _relative_mse(a, buffers, judged)
+    judged_zones = _zones(judged) if zones is None else within(zones, judged)
+    all_channels, channels, by_zone = _relative_mse(a, buffers, judged_zones)
     perceived = _masked(flip_map(_only(reference.mean, judged), _only(candidate, judged), exposures), judged)
     return MapError(
         rel_mse=all_channels,
         rel_mse_channels=channels,
-        rel_mse_zones=zones,
+        rel_mse_zones=by_zone,
         noise_floor=noise_floor(reference),
-        smape=_smape(a, b),
+        smape=float(smape_of_texels(a, b).mean()),
         flip=float(np.nanmean(perceived)),
-        energy_ratio=_energy_ratio(a, b, weights),
+        energy_ratio=energy_ratio_of(a, b, weights),
         worst_texel=_worst_texel(squared.mean(axis=1), judged),
         relative_error=_spread_out(np.sqrt(squared.mean(axis=1)), judged),
         flip_map=perceived,
@@ -212,10 +219,10 @@ class _Moments:
 
 
 def _relative_mse(
-    a: Array, buffers: Array, judged: NDArray[np.bool_]
+    a: Array, buffers: Array, zones: Mapping[str, NDArray[np.bool_]]
 ) -> tuple[Estimate, tuple[Estimate, Estimate, Estimate], dict[str, Estimate]]:
     """Debiased relMSE of the map, of each channel and of each zone, with intervals by the jackknife."""
-    zones = {name: inside for name, inside in _zones(judged).items() if inside.any()}
+    zones = {name: inside for name, inside in zones.items() if inside.any()}
 
     def averages(moments: _Moments) -> Array:
         texels = _debiased(a, moments)
@@ -236,12 +243,14 @@ def _debiased(a: Array, moments: _Moments) -> Array:
     return np.asarray(((a - moments.mean) ** 2 - moments.variance) / denominator(moments.mean))
 
 
-def _smape(a: Array, b: Array) -> float:
+def smape_of_texels(a: Array, b: Array) -> Array:
+    """|a−b|/(|a|+|b|) of each texel and channel, in [0, 1]; 0 where both are black."""
     total = np.abs(a) + np.abs(b)
-    return float(np.mean(np.divide(np.abs(a - b), total, out=np.zeros_like(total), where=total > 0)))
+    return np.asarray(np.divide(np.abs(a - b), total, out=np.zeros_like(total), where=total > 0))
 
 
-def _energy_ratio(a: Array, b: Array, weights: Array) -> float | None:
+def energy_ratio_of(a: Array, b: Array, weights: Array) -> float | None:
+    """Σa/Σb of texels, shape (T, 3), with weights of shape (T,), mean over channels; None if only b is black."""
     ours, theirs = weights @ a, weights @ b
     if ((theirs == 0) & (ours != 0)).any():
         return None
@@ -253,6 +262,11 @@ def _worst_texel(error: Array, judged: NDArray[np.bool_]) -> WorstTexel:
     row, column = (int(index[worst]) for index in np.nonzero(judged))
     height, width = judged.shape
     return WorstTexel(s=(column + 0.5) / width, t=1.0 - (row + 0.5) / height, error=float(error[worst]))
+
+
+def within(zones: Mapping[str, NDArray[np.bool_]], judged: NDArray[np.bool_]) -> dict[str, NDArray[np.bool_]]:
+    """Which of the judged texels lie in each zone of an image."""
+    return {name: inside[judged] for name, inside in zones.items()}
 
 
 def _zones(judged: NDArray[np.bool_]) -> dict[str, NDArray[np.bool_]]:

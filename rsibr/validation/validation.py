@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr import backend
+from rsibr.baking.baked_scene import require_unchanged
 from rsibr.baking.scene import Scene
-from rsibr.errors import BakeError, CheckFailed, InputError
+from rsibr.errors import CheckFailed, InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.novel_views import novel_views as drawn_views
 from rsibr.geometry.viewpoints import Viewpoints
@@ -128,7 +129,7 @@ def validate(
     method_set = MethodSet(opened)
     maps = method_set.inputs.maps  # decoded once, shared by health check, exposure and methods
     health = _trusted_health(opened, [view for _, view in chosen], out, lambda: load().environment, maps)
-    prepared = _unchanged(opened, load())
+    prepared = require_unchanged(opened, load())
     renderer = ReferenceRenderer(prepared.environment, prepared.material, opened.resolution, opened.rendering)
     of_lobes = max(samples // LOBE_SAMPLES, buffers)
     judge = LobeJudge(opened, prepared, method_set, of_lobes, buffers) if by_lobe else None
@@ -148,7 +149,7 @@ def validate(
         results.append(ViewResult(frame, reference, found, label, judge.at(frame) if judge else None))
     on_progress(len(chosen), len(chosen))
     before = {name: MethodStart(method_set[name].cost.prepare_seconds, compiled) for name, compiled in starts.items()}
-    validation = Validation(_summary(opened), results, exposures, health, opened.manifest.plan, before)
+    validation = Validation(bake_summary(opened), results, exposures, health, opened.manifest.plan, before)
     if out is not None:
         write_report(validation, Path(out))
     return validation
@@ -219,16 +220,6 @@ def _trusted_health(
     raise CheckFailed(f"cannot be validated: {found}", where=str(bake.path), fix=f"see `rsibr check {bake.path}`")
 
 
-def _unchanged(bake: Bake, scene: Scene) -> Scene:
-    """Return the scene; raise if environment or material have changed since the bake."""
-    for kind, digest in scene.digests.items():
-        if bake.manifest.identity[kind]["content"] != digest:
-            raise BakeError(
-                f"the {kind} has changed since the bake", where=str(bake.path), fix="bake anew with --fresh"
-            )
-    return scene
-
-
 def _mean_radiance(maps: Sequence[MapFile]) -> float:
     """Mean radiance over the stored maps, for one exposure of all views and methods."""
     total = sum(float((m.radiance * m.coverage[..., None]).sum()) for m in maps)
@@ -239,7 +230,8 @@ def _seed(bake: Bake) -> int:
     return int(bake.config["sampling"]["seed"])
 
 
-def _summary(bake: Bake) -> BakeSummary:
+def bake_summary(bake: Bake) -> BakeSummary:
+    """Contents and cost of a bake, for a report."""
     manifest = bake.manifest
     return BakeSummary(
         name=bake.path.stem,

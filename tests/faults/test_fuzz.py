@@ -25,7 +25,8 @@ def fuzz(out: Path, inputs: int, seed: int) -> dict:
 
 
 @pytest.mark.parametrize(
-    "target", ["config-bytes", "config-tables", "override", "views", "environment", "bake", "radiance", "exr"]
+    "target",
+    ["config-bytes", "config-tables", "override", "views", "environment", "bake", "radiance", "exr", "mesh", "scene"],
 )
 def test_some_inputs_of_every_reader(tmp_path, monkeypatch, target):
     monkeypatch.syspath_prepend(str(SCRIPT.parent))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import drjit as dr
 import mitsuba as mi
@@ -44,12 +45,15 @@ class Fidelity:
     between_levels : bool
         Whether footprints are interpolated between two levels of the environment pyramid; otherwise the nearest is
         taken.
+    texels : float
+        Variance of a Gaussian over that of a normal in a texel of the map, below which it has a footprint of its own.
     """
 
     resolution: int
     points: int
     ratio: float
     between_levels: bool
+    texels: float
 
     def look_up(self, environment: EnvironmentPyramid) -> LookUp:
         """Lookup of the environment in footprints."""
@@ -60,16 +64,16 @@ _STEP, _MOST = 0.12, 4  # angle of normals [rad] that one point of a texel stand
 _FINE_MAP = 200  # texels a side from which one point stands for every texel, those at the rim too
 _FLATTEST = 0.02  # cosine below which their number does not grow further
 
-FAST = Fidelity(resolution=96, points=POINTS, ratio=math.inf, between_levels=False)
+FAST = Fidelity(resolution=96, points=POINTS, ratio=math.inf, between_levels=False, texels=0.0)
 """For `rsibr`."""
 
-FINE = Fidelity(resolution=192, points=384, ratio=1.6, between_levels=True)
+FINE = Fidelity(resolution=192, points=384, ratio=1.6, between_levels=True, texels=9.0)
 """For `rsibr-fine`."""
 
 
 @dataclass(eq=False)
 class HalfVectorLobes:
-    """All lobes of a material under an environment, for whole sphere maps; docs/method.md, eq. 31.
+    """All lobes of a material under an environment, for sphere maps of one size; docs/method.md, eq. 31.
 
     Attributes
     ----------
@@ -109,24 +113,41 @@ class HalfVectorLobes:
         part: LobeShape | None = None,
         density: float = ROUGH,
         fidelity: Fidelity = FAST,
-    ) -> HalfVectorLobes:
-        """Prepare the lobes; parameters as of `LobeIntegral.of`, and how finely the light is gathered."""
+    ) -> LobesOfMaps:
+        """Prepare the lobes; parameters as of `LobeIntegral.of`, and how finely the light is gathered.
+
+        Returns
+        -------
+        callable
+            Texels a side of a map → `HalfVectorLobes` for it, the same each time.
+        """
         terms, parts = LobeTerms.pair(lobes, part)
         finest = fidelity.resolution
-        weights, whole = (lobe_weights(terms.narrow, counted, finest) for counted in (parts.narrow, terms.narrow))
-        tables, all_tables = ([CosineTable.of(level) for level in one.levels] for one in (weights, whole))
-        return cls(
-            light=pyramid,
-            levels=tables if whole.has_levels else [],
-            balance=balance(all_tables, finest)
-            if whole.has_levels
-            else mi.Float(0),  # of the whole, so that parts add up
-            sharp=NarrowGaussians.of(terms.narrow, parts.narrow, whole.sharp, ratio=fidelity.ratio),
-            wide=WideLight.of(terms.gaussians, parts.gaussians, finest, fidelity.points),
-            mirror=mirror_of(lobes, pyramid, light, part, density),
-            matte=MatteLight.of(parts.matte, light),
-            fidelity=fidelity,
-        )
+        wide = WideLight.of(terms.gaussians, parts.gaussians, finest, fidelity.points)
+        mirror, matte = mirror_of(lobes, pyramid, light, part, density), MatteLight.of(parts.matte, light)
+
+        @cache
+        def of_maps(resolution: int) -> HalfVectorLobes:
+            texel = (2 / resolution) ** 2 / 12  # of a box filter, where the texel faces the viewer
+            weights, whole = (
+                lobe_weights(terms.narrow, counted, finest, texel, fidelity.texels)
+                for counted in (parts.narrow, terms.narrow)
+            )
+            tables, all_tables = ([CosineTable.of(level) for level in one.levels] for one in (weights, whole))
+            return cls(
+                light=pyramid,
+                levels=tables if whole.has_levels else [],
+                balance=balance(all_tables, finest)  # of the whole, so that parts add up
+                if whole.has_levels
+                else mi.Float(0),
+                sharp=NarrowGaussians.of(terms.narrow, parts.narrow, whole.sharp, ratio=fidelity.ratio),
+                wide=wide,
+                mirror=mirror,
+                matte=matte,
+                fidelity=fidelity,
+            )
+
+        return of_maps
 
     def tables(self, frame: mi.Matrix3f) -> MapTables:
         """Gather the light of the Gaussians over the map with `frame`, columns x, y, v; for `radiance`."""
@@ -190,3 +211,7 @@ class HalfVectorLobes:
             return radiance
         shading = ShadingFrame.in_map(n, frame)
         return radiance + self.sharp.radiance(shading, spacing, self.fidelity.look_up(self.light))
+
+
+LobesOfMaps = Callable[[int], HalfVectorLobes]
+"""Texels a side of a map → the lobes prepared for it."""

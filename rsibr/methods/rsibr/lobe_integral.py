@@ -30,6 +30,7 @@ from rsibr.methods.rsibr.polar_grid import PolarGrid
 from rsibr.methods.rsibr.view_nodes import ViewNodes
 from rsibr.methods.rsibr.wide_light import WideLight
 
+_WIDE = 0.15  # standard deviation from which a Gaussian is wide: the tables of views are coarser than those of maps
 _RATIO = 1.6  # greatest ratio of the widths of Gaussians that share a footprint
 
 
@@ -82,7 +83,7 @@ class LobeIntegral:
         density : float
             Sampling density of a delta lobe: `EXACT` or `ROUGH`, see `DeltaLobe.of`.
         """
-        terms, parts = LobeTerms.pair(lobes, part)
+        terms, parts = LobeTerms.pair(lobes, part, _WIDE)
         return cls(
             environment=pyramid,
             narrow=NarrowGaussians.of(terms.narrow, parts.narrow, ratio=_RATIO),

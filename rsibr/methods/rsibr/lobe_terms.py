@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 Lobe = tuple[LobeShape, Array]
 """Shape of a lobe, and its directional albedo, shape (albedo nodes, 3)."""
 
-WIDE = 0.15
-"""Standard deviation of slopes from which a Gaussian is wide: its light varies slowly with normal and view."""
+WIDE = 0.1
+"""Standard deviation of slopes from which a Gaussian is wide: its light varies slowly with the normal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +44,8 @@ class GaussianTerm:
         Its share of the lobe's albedo at the nodes of `rsibr.lobes.facet_moments.cosines`.
     moments : FacetMoments
         What is seen of it at each angle.
+    is_wide : bool
+        Whether it is gathered by quadrature.
     """
 
     sigma: float
@@ -53,11 +55,7 @@ class GaussianTerm:
     is_coated: bool
     share: Array
     moments: FacetMoments
-
-    @property
-    def is_wide(self) -> bool:
-        """Whether it is gathered by quadrature."""
-        return self.sigma >= WIDE
+    is_wide: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +81,18 @@ class LobeTerms:
     matte: list[MatteTerm]
 
     @classmethod
-    def of(cls, lobes: Sequence[Lobe], part: LobeShape | None = None) -> LobeTerms:
-        """Make the terms of `lobes`; with `part`, all but those of that one shape have a share of zero."""
+    def of(cls, lobes: Sequence[Lobe], part: LobeShape | None = None, wide: float = WIDE) -> LobeTerms:
+        """Make the terms of `lobes`.
+
+        Parameters
+        ----------
+        lobes : sequence of (LobeShape, ndarray of shape (albedo nodes, 3))
+            Shape and directional albedo of each lobe.
+        part : LobeShape, optional
+            All terms but those of this one shape have a share of zero.
+        wide : float
+            Standard deviation of slopes from which a Gaussian is wide.
+        """
         gaussians, matte = list[GaussianTerm](), list[MatteTerm]()
         for shape, albedo in lobes:
             if shape.is_mirror:
@@ -97,27 +105,28 @@ class LobeTerms:
             weighed += [(shape.coated, k, True) for k in range(len(shape.coated))]
             for (mixture, k, coated), seen in zip(weighed, moments, strict=True):
                 plain, grazing = mixture.plain[k], mixture.grazing[k]
-                share = seen.weight * scale
-                term = GaussianTerm(float(mixture.sigmas[k]), shape.alpha, plain, grazing, coated, share, seen)
-                gaussians.append(term)
+                share, sigma = seen.weight * scale, float(mixture.sigmas[k])
+                gaussians.append(
+                    GaussianTerm(sigma, shape.alpha, plain, grazing, coated, share, seen, is_wide=sigma >= wide)
+                )
             if shape.has_matte:
                 matte.append(MatteTerm(shape.matte, flat * scale))
         return cls(gaussians, matte)
 
     @classmethod
-    def pair(cls, lobes: Sequence[Lobe], part: LobeShape | None) -> tuple[LobeTerms, LobeTerms]:
+    def pair(cls, lobes: Sequence[Lobe], part: LobeShape | None, wide: float = WIDE) -> tuple[LobeTerms, LobeTerms]:
         """Terms of `lobes`, which make the kernels, and the same with the shares that count: of all, or of `part`."""
-        terms = cls.of(lobes)
-        return terms, terms if part is None else cls.of(lobes, part)
+        terms = cls.of(lobes, wide=wide)
+        return terms, terms if part is None else cls.of(lobes, part, wide)
 
     @property
     def narrow(self) -> list[GaussianTerm]:
-        """Gaussians narrower than `WIDE`."""
+        """Gaussians that are not wide."""
         return [term for term in self.gaussians if not term.is_wide]
 
     @property
     def wide(self) -> list[GaussianTerm]:
-        """Gaussians from `WIDE` on."""
+        """Gaussians that are gathered by quadrature."""
         return [term for term in self.gaussians if term.is_wide]
 
 

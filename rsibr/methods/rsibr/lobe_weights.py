@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 LEVELS = len(LADDER)
 
-_SHARP = 0.8, 1.0  # variance over that of level 0 at which a Gaussian begins to pass, and has passed, to the levels
+_SHARP = 0.8, 1.0  # variance over the least at which a Gaussian begins to pass, and has passed, to the levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,13 @@ class LobeWeights:
         return bool(self.levels[..., :3].any())
 
 
-def lobe_weights(terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], resolution: int) -> LobeWeights:
+def lobe_weights(
+    terms: Sequence[GaussianTerm],
+    parts: Sequence[GaussianTerm],
+    resolution: int,
+    texel: float = 0.0,
+    least: float = 0.0,
+) -> LobeWeights:
     """Distribute narrow Gaussians over the levels of the pyramid.
 
     Parameters
@@ -55,19 +61,25 @@ def lobe_weights(terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], r
         The same in the same order, with the shares that count: of all lobes, or of one.
     resolution : int
         Texels a side of level 0.
+    texel : float
+        Variance of the normal over a texel of the map [rad²], which widens every Gaussian.
+    least : float
+        Least variance of a Gaussian in the levels, over `texel`.
 
     Returns
     -------
     LobeWeights
         A Gaussian is mixed of the three levels nearest to it, its variance preserved (eq. 27); one narrower than level
-        0 belongs to the sharp part.
+        0, or than `least`, belongs to the sharp part.
     """
     angle = np.arccos(cosines())
     spacing = texel_angle(resolution, angle)
     weights, sharp = np.zeros((LEVELS, NODES, 3)), np.zeros((len(terms), NODES))
     energy, leans = np.zeros((LEVELS, NODES)), np.zeros((LEVELS, NODES))
     for term, part, fraction in zip(terms, parts, sharp, strict=True):
-        shares, fraction[:] = _shares((term.moments.width / spacing) ** 2)
+        own = term.moments.width**2
+        passed = _passed(own / (least * texel)) if least * texel > 0 else 1.0
+        shares, fraction[:] = _shares((own + texel) / spacing**2, passed)
         weights += shares[..., None] * part.share
         carried = np.abs(shares) * term.share.sum(axis=1)
         energy += carried
@@ -76,14 +88,19 @@ def lobe_weights(terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], r
     return LobeWeights(np.concatenate([weights, factors[..., None]], axis=-1), sharp)
 
 
-def _shares(variance: Array) -> tuple[Array, Array]:
+def _passed(ratio: Array) -> Array:
+    """Fraction of a Gaussian that belongs to the levels, by its variance over the least that they serve."""
+    low, high = _SHARP
+    return np.clip((ratio - low) / (high - low), 0, 1)
+
+
+def _shares(variance: Array, passed: Array | float = 1.0) -> tuple[Array, Array]:
     """Share of each level in a Gaussian, shape (LEVELS, NODES), and fraction that is sharper; eq. 27.
 
-    `variance` is in texels² of level 0.
+    `variance` is in texels² of level 0, `passed` the fraction that may belong to the levels.
     """
     steps = level_variances()
-    low, high = _SHARP
-    blurred = np.clip((variance / steps[0] - low) / (high - low), 0, 1)
+    blurred = passed * _passed(variance / steps[0])
     return blurred * _mixture(np.clip(variance, steps[0], steps[-1]), steps), 1 - blurred
 
 

@@ -16,7 +16,7 @@ DARKEST = 0.25
 """Lower bound of the radiance over the prediction far from all stored views; it falls to 0 toward a stored view."""
 
 _LEAST_COSINE = 1e-6
-_FAR = 4.0  # 1 − w from which residuals count as carried far: its reciprocal
+_LEAST_TRUST = 0.02  # in residuals carried as far as from one stored view to the next
 _AT_A_STORED_VIEW = 1e-4  # 1 − w below which a view counts as stored
 
 
@@ -62,17 +62,19 @@ def warped_residual(
 
 
 def trusted(trust: mi.Float, mixture: Mixture) -> mi.Float:
-    """Factor on a residual from the trust in it: 1 at a stored view, `trust` from some distance on.
+    """Factor on a residual from the trust in it: γ^(1 − Σ w²), 1 at a stored view; docs/method.md, section 8.6.
 
     Parameters
     ----------
     trust : mi.Float
-        Trust in residuals that are carried far, in [0, 1].
+        Trust γ in residuals that are carried from one stored view to the next, in [0, 1].
     mixture : Mixture
         Stored views and their weights.
     """
-    far = dr.minimum((1 - _largest(mixture)) * _FAR, 1)
-    return dr.lerp(mi.Float(1), trust, far)
+    together = mi.Float(0)
+    for weight in mixture.weights:
+        together += weight * weight
+    return dr.power(dr.maximum(trust, _LEAST_TRUST), dr.maximum(1 - together, 0))
 
 
 def clamped(residual: mi.Color3f, predicted: mi.Color3f, mixture: Mixture) -> mi.Color3f:

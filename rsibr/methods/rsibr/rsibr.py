@@ -13,7 +13,7 @@ from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
 from rsibr.methods.rsibr.belief import Belief, Image, StoredView, judged, learnt
-from rsibr.methods.rsibr.half_vector_lobes import FAST, Fidelity, HalfVectorLobes, MapTables
+from rsibr.methods.rsibr.half_vector_lobes import FAST, Fidelity, HalfVectorLobes, LobesOfMaps, MapTables
 from rsibr.methods.rsibr.lobe_integral import LobeIntegral
 from rsibr.methods.rsibr.lobe_terms import Lobe
 from rsibr.methods.rsibr.residual_method import ResidualMethod, ResidualOptions, residual_method
@@ -26,18 +26,23 @@ class Rsibr(ResidualMethod):
 
     Attributes
     ----------
-    lobes : HalfVectorLobes
-        All lobes, prepared for maps.
+    lobes_of_maps : callable
+        Makes all lobes for maps of so many texels a side; see `HalfVectorLobes.of`.
+    lobes : HalfVectorLobes or None
+        Those for the map at hand.
     points : callable
         Makes the method for single points; called at the first `eval`. None for a method that serves maps alone.
     """
 
-    lobes: HalfVectorLobes = field(kw_only=True)
+    lobes_of_maps: LobesOfMaps = field(kw_only=True)
+    lobes: HalfVectorLobes | None = field(default=None, init=False)
     points: Callable[[], RsibrPoints] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._points: RsibrPoints | None = None  # not a field: the recorded kernels of maps do not depend on it
+        # Not fields: a recording must only see the lobes of its own resolution, and no points
+        self._points: RsibrPoints | None = None
+        self._lobes: dict[int, HalfVectorLobes] = {}
 
     @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
@@ -52,12 +57,20 @@ class Rsibr(ResidualMethod):
                 self._points = self.points()
         return self._points.eval(n, v)
 
+    def _prepare(self, resolution: int) -> None:
+        if resolution not in self._lobes:
+            with self._preparing():
+                self._lobes[resolution] = self.lobes_of_maps(resolution)
+        self.lobes = self._lobes[resolution]
+
     def _map_tables(self, frame: mi.Matrix3f, resolution: int) -> MapTables:  # noqa: ARG002
+        assert self.lobes is not None
         return self.lobes.tables(frame)
 
     def _predicted(
         self, n: mi.Vector3f, frame: mi.Matrix3f, tables: MapTables, resolution: int, *, mirror: bool = True
     ) -> mi.Color3f:
+        assert self.lobes is not None
         return self.lobes.radiance(n, frame, tables, resolution, mirror)
 
 
@@ -103,16 +116,16 @@ def model_with_residuals(
         integral.prepare_points()  # made while points are traced, they would split the first kernel
         return residual_method(RsibrPoints, name, options, weights, belief, integral=integral)
 
-    return residual_method(Rsibr, name, options, weights, belief, lobes=prepared, points=points)
+    return residual_method(Rsibr, name, options, weights, belief, lobes_of_maps=prepared, points=points)
 
 
-def believed(options: ResidualOptions, fidelity: Fidelity) -> tuple[Belief, HalfVectorLobes | None]:
+def believed(options: ResidualOptions, fidelity: Fidelity) -> tuple[Belief, LobesOfMaps | None]:
     """How much of the whole model and its residuals to believe, learnt once for a bake; see `belief.py`.
 
     Returns
     -------
     belief : Belief
-    model : HalfVectorLobes or None
+    model : callable or None
         The whole model, the first time.
     """
     inputs, model = options.inputs, None
@@ -122,17 +135,17 @@ def believed(options: ResidualOptions, fidelity: Fidelity) -> tuple[Belief, Half
     return belief, model
 
 
-def _learnt(options: ResidualOptions, fidelity: Fidelity) -> tuple[HalfVectorLobes, Belief]:
+def _learnt(options: ResidualOptions, fidelity: Fidelity) -> tuple[LobesOfMaps, Belief]:
     inputs, lobes = options.inputs, list(options.inputs.shapes.values())
     neighbours = judged(inputs.viewpoints.triangles, inputs.bake.view_count)
     used = sorted({index for view, around in neighbours.items() for index in (view, *around)})
 
-    def model_of(part: LobeShape | None) -> HalfVectorLobes:
+    def model_of(part: LobeShape | None) -> LobesOfMaps:
         return HalfVectorLobes.of(lobes, inputs.pyramid, inputs.light, part, options.mirror_density, fidelity)
 
-    def predicted(model: HalfVectorLobes) -> dict[int, tuple[Image, Image]]:
+    def predicted(model: LobesOfMaps) -> dict[int, tuple[Image, Image]]:
         alone = ResidualOptions(inputs, uses_maps=False)
-        method = residual_method(Rsibr, "", alone, "gnomonic", lobes=model)
+        method = residual_method(Rsibr, "", alone, "gnomonic", lobes_of_maps=model)
         method.carries_mirror = options.separate_mirror is None
         return {k: method.predicted_at_texels(inputs.maps[k].frame, inputs.bake.resolution) for k in used}
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-from rsibr.validation.estimate import Estimate, readable
+from rsibr.validation.estimate import Estimate, readable, with_uncertainty
 from rsibr.validation.health.health import MARKS, SCALE
 from rsibr.validation.report import pictures
 from rsibr.validation.report.pictures import FLIP, RELATIVE_ERROR, Rgba, Scale
@@ -37,6 +37,7 @@ def render(template: str, **values: Any) -> str:
     environment.filters |= {
         "number": number,
         "estimate": estimate,
+        "plus_minus": plus_minus,
         "duration": duration,
         "size": size,
         "picture": _embedded,
@@ -70,6 +71,11 @@ def number(value: float | None, digits: int = 3) -> str:
 def estimate(value: Estimate) -> str:
     """Format an estimate with its interval."""
     return _kept_together(str(value))
+
+
+def plus_minus(value: Estimate) -> str:
+    """Format a quantity that may be near zero, with half its interval: `0.0123 ± 0.0004`."""
+    return _kept_together(with_uncertainty(value.value, (value.ci95[1] - value.ci95[0]) / 2))
 
 
 def duration(seconds: float) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,14 +79,7 @@ def write_report(validation: Validation, directory: Path) -> Path:
     """
     drawn = _draw(validation)
     files = {name: picture for number, view in enumerate(drawn, 1) for name, picture in view.named(number)}
-    folder = directory / PICTURES_NAME
-    try:
-        make_own_folder(folder)
-        for stale in folder.glob("view_[0-9][0-9]*_*.png"):
-            if stale.name not in files:
-                stale.unlink()
-    except OSError as error:
-        raise unwritable(folder, error) from error
+    folder = picture_folder(directory, "view_[0-9][0-9]*_*.png", files)
     for name, picture in files.items():
         write_atomic(folder / name, pictures.png(picture))
     if validation.health is not None:
@@ -94,6 +87,25 @@ def write_report(validation: Validation, directory: Path) -> Path:
     write_atomic(directory / METRICS_NAME, metrics_document(validation).to_json().encode())
     write_atomic(directory / REPORT_NAME, _page(validation, drawn).encode())
     return directory / REPORT_NAME
+
+
+def picture_folder(directory: Path, pattern: str, files: Collection[str]) -> Path:
+    """Make the folder of a report's images; remove those of an earlier report that match `pattern`, but for `files`.
+
+    Raises
+    ------
+    BakeError, MachineError
+        If it cannot be written.
+    """
+    folder = directory / PICTURES_NAME
+    try:
+        make_own_folder(folder)
+        for stale in folder.glob(pattern):
+            if stale.name not in files:
+                stale.unlink()
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    return folder
 
 
 def _draw(validation: Validation) -> list[_ViewPictures]:

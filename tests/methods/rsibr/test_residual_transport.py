@@ -45,7 +45,7 @@ def modelled(kind, light):
     made = Rsibr(
         *common,
         albedo=LobeAlbedo.of(ALBEDO),
-        lobes=HalfVectorLobes.of([(ggx(0.1), ALBEDO)], stack, Light(light), fidelity=fidelity),
+        lobes_of_maps=HalfVectorLobes.of([(ggx(0.1), ALBEDO)], stack, Light(light), fidelity=fidelity),
         points=lambda: pytest.fail("a map needs no single points"),
     )
     made.sources = maps([made.residual_of(m, f) for m, f in zip(stored, frames, strict=True)], frames)
@@ -166,10 +166,13 @@ def test_residuals_leave_a_part_of_the_model_the_more_the_farther_the_stored_vie
         assert left == pytest.approx(DARKEST * (1 - weight) if weight < 1 else -1, rel=1e-4), weight
 
 
-def test_trust_counts_from_a_quarter_of_the_way_on():
-    """All of a residual at a stored view; the trust from 1 − w = 1/4 on; linear between."""
-    for weight, factor in {1.0: 1.0, 0.875: 0.65, 0.75: 0.3, 0.4: 0.3}.items():
-        assert to_numpy(trusted(mi.Float(0.3), mixed(weight)))[0] == pytest.approx(factor, rel=1e-5), weight
+def test_trust_falls_with_the_distance_from_the_stored_views():
+    """All of a residual at a stored view; γ^(2/3) in the middle of three views."""
+    for weight, power in {1.0: 0.0, 0.8: 1 - 0.64 - 0.02, 1 / 3: 2 / 3}.items():
+        for trust in (0.3, 0.9):
+            assert to_numpy(trusted(mi.Float(trust), mixed(weight)))[0] == pytest.approx(trust**power, rel=1e-5), weight
+    assert to_numpy(trusted(mi.Float(0), mixed(1 / 3)))[0] == pytest.approx(0.02 ** (2 / 3), rel=1e-5)
+    assert to_numpy(trusted(mi.Float(0), mixed(1.0)))[0] == 1
 
 
 def test_undamped_residuals_count_whatever_their_overlap():

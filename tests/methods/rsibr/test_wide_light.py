@@ -110,4 +110,4 @@ def test_points_of_a_part_are_those_of_the_whole():
 
 
 def test_there_is_nothing_to_gather_without_wide_gaussians():
-    assert WideLight.of(terms(one_gaussian(0.1)), terms(one_gaussian(0.1))) is None
+    assert WideLight.of(terms(one_gaussian(0.09)), terms(one_gaussian(0.09))) is None

@@ -1,0 +1,30 @@
+"""Scene of a finished bake, prepared again from the files that it was made from."""
+
+from __future__ import annotations
+
+from rsibr.baking.scene import Scene
+from rsibr.errors import BakeError
+from rsibr.store.bake import Bake
+
+
+def scene_of(bake: Bake) -> Scene:
+    """Prepare the scene of a bake again.
+
+    Raises
+    ------
+    InputError
+        If a file that the bake was made from is gone.
+    BakeError
+        If environment or material have changed since the bake.
+    """
+    return require_unchanged(bake, Scene.prepare(bake.config))
+
+
+def require_unchanged(bake: Bake, scene: Scene) -> Scene:
+    """Return the scene of a bake; raise a BakeError if environment or material have changed since the bake."""
+    for kind, digest in scene.digests.items():
+        if bake.manifest.identity[kind]["content"] != digest:
+            raise BakeError(
+                f"the {kind} has changed since the bake", where=str(bake.path), fix="bake anew with --fresh"
+            )
+    return scene
