@@ -16,7 +16,7 @@ LLVM := $(VENV)/llvm.env
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-slow test-all mutants lint bench fuzz notebooks docs lock clean
+.PHONY: help setup demo car test test-slow test-all mutants lint bench fuzz notebooks docs lock clean
 
 help: ## list these goals
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{printf "%-18s %s\n", $$1, $$2}'
@@ -25,6 +25,9 @@ setup: $(LLVM) ## virtual environment, dependencies, package, libLLVM
 
 demo: setup ## the main job, small: bake, reconstruct, validate; report in out/demo
 	@$(WITH_LLVM) $(BIN)/rsibr demo --out $(OUT)/demo
+
+car: setup ## the car of the README: three bakes and a picture, in out/car
+	@$(WITH_LLVM) $(BIN)/python scripts/car_picture.py --out $(OUT)/car
 
 test: setup ## the fast tests
 	@$(WITH_LLVM) $(BIN)/python -m pytest -m "not slow"

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from rsibr.methods.registry import register as register
     from rsibr.resources import configs as configs
     from rsibr.scene.config import load_config as load_config
+    from rsibr.shading.render import render as render
+    from rsibr.shading.sequence import render_sequence as render_sequence
     from rsibr.store.bake import open_bake as open_bake
     from rsibr.studies import figures as plots
     from rsibr.studies.runner import study as study
@@ -55,6 +57,8 @@ _HOME = {
     "plan": "rsibr.budget.bake",
     "reconstruct": "rsibr.methods.reconstruction",
     "register": "rsibr.methods.registry",
+    "render": "rsibr.shading.render",
+    "render_sequence": "rsibr.shading.sequence",
     "study": "rsibr.studies.runner",
     "timed": "rsibr.validation.validation",
     "validate": "rsibr.validation.validation",
@@ -89,6 +93,8 @@ __all__ = [
     "plots",
     "reconstruct",
     "register",
+    "render",
+    "render_sequence",
     "study",
     "timed",
     "validate",

@@ -15,6 +15,7 @@ from rsibr.cli.doctor import doctor
 from rsibr.cli.ending import run
 from rsibr.cli.plan import plan
 from rsibr.cli.reconstruct import reconstruct
+from rsibr.cli.render import render
 from rsibr.cli.study import study
 from rsibr.cli.validate import validate
 from rsibr.cli.watchdog import end
@@ -27,7 +28,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (demo, doctor, plan, bake, check, reconstruct, validate, study):
+for command in (demo, doctor, plan, bake, check, reconstruct, render, validate, study):
     app.command()(command)
 
 

@@ -15,7 +15,7 @@ from rsibr.errors import printable
 def reconstruct(
     bake: BakePath,
     view: Annotated[str, typer.Option(metavar="X,Y,Z", help="Direction from the surface to the viewer.")],
-    out: Annotated[Path, typer.Option(metavar="FILE.exr", help="File of the map.")],
+    out: Annotated[Path, typer.Option(metavar="FILE.exr|.png", help="File of the map.")],
     method: Annotated[
         str | None, typer.Option(help="Method, by default rsibr; `rsibr validate` measures the error of each.")
     ] = None,
@@ -23,9 +23,12 @@ def reconstruct(
     allow_large: Yes = False,
     json_output: Json = False,
 ) -> None:
-    """Reconstruct the sphere map of a view that was not baked, and write it as an EXR."""
+    """Reconstruct the sphere map of a view that was not baked, and write it as EXR or PNG."""
     direction = parse_view(view)
     check_output_file(out)
+    from rsibr.store.image_kind import image_kind
+
+    image_kind(out)
     from rsibr.cli.console import note_non_finite
     from rsibr.methods.reconstruction import reconstruct as run
 

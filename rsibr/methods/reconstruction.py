@@ -20,7 +20,9 @@ from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
 from rsibr.methods.registry import default_method
 from rsibr.store.bake import Bake, open_bake
+from rsibr.store.image_kind import image_kind
 from rsibr.store.map_file import MapFile, write_map
+from rsibr.store.png_file import exposure_of, tone_mapped, write_png
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,9 +61,25 @@ class Reconstruction:
         return f"Reconstruction({self.method!r}, view ({x:.3g}, {y:.3g}, {z:.3g}), {len(self.image)}²)"
 
     def write(self, path: Path | str) -> None:
-        """Write a multi-part float32 EXR: R, G, B, then coverage; view and frame in each header."""
+        """Write the map, as its name says: a multi-part EXR in float32, or an 8-bit PNG.
+
+        Parameters
+        ----------
+        path : path
+            `.exr`: R, G, B, then coverage, with view and frame in each header. `.png`: sRGB, exposed so that the 95th
+            percentile of the disk is bright, transparent outside of it.
+
+        Raises
+        ------
+        InputError
+            If the name has another ending.
+        """
         coverage = self.coverage.astype(np.float32)
-        write_map(Path(path), MapFile(self.view, self.frame, {"radiance": self.image}, None, coverage))
+        if image_kind(path) == "png":
+            exposure = exposure_of(self.image[coverage >= 0.5].max(axis=-1))
+            write_png(Path(path), tone_mapped(self.image, coverage, exposure))
+        else:
+            write_map(Path(path), MapFile(self.view, self.frame, {"radiance": self.image}, None, coverage))
 
 
 @backend.in_session

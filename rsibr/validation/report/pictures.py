@@ -3,22 +3,33 @@
 from __future__ import annotations
 
 import base64
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.image import imsave
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from rsibr.store.png_file import Rgba, exposure_of, to_bytes, tone_mapped
+from rsibr.store.png_file import encode_png as png
 from rsibr.validation.reference import Reference
 
-Rgba = NDArray[np.uint8]
-
-_BRIGHT_PERCENTILE = 95.0
-_BRIGHT = 0.8
+__all__ = [
+    "COLOUR_MAP",
+    "FLIP",
+    "RELATIVE_ERROR",
+    "Rgba",
+    "Scale",
+    "bar_colours",
+    "data_uri",
+    "display_exposure",
+    "false_colour",
+    "outlined",
+    "png",
+    "shrunk",
+    "tone_mapped",
+]
 
 
 @dataclass(frozen=True)
@@ -73,30 +84,7 @@ def display_exposure(references: Sequence[Reference]) -> float:
     float
         Maps the 95th percentile of the maximum channel of texels with coverage ≥ ½ to 0.8; 1 if that is black.
     """
-    brightest = np.concatenate([r.mean[r.coverage >= 0.5].max(axis=-1) for r in references])
-    bright = float(np.percentile(brightest, _BRIGHT_PERCENTILE))
-    return _BRIGHT / bright if bright > 0 else 1.0
-
-
-def tone_mapped(image: NDArray[np.floating], coverage: NDArray[np.floating], exposure: float) -> Rgba:
-    """Convert radiance to sRGB: fixed exposure, clipping, transfer function.
-
-    Parameters
-    ----------
-    image : ndarray, shape (H, W, 3)
-        Scene-linear Rec.709; ignored where coverage is 0.
-    coverage : ndarray, shape (H, W)
-        Opacity of the result.
-    exposure : float
-        Factor on radiance; the same for all images to be compared.
-
-    Returns
-    -------
-    ndarray, shape (H, W, 4), uint8
-    """
-    linear = np.clip(np.where(coverage[..., None] > 0, image, 0.0) * exposure, 0.0, 1.0)
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)  # IEC 61966-2-1
-    return _to_bytes(np.concatenate([encoded, np.clip(coverage, 0, 1)[..., None]], axis=-1))
+    return exposure_of(np.concatenate([r.mean[r.coverage >= 0.5].max(axis=-1) for r in references]))
 
 
 def false_colour(values: NDArray[np.floating], scale: Scale) -> Rgba:
@@ -114,7 +102,7 @@ def false_colour(values: NDArray[np.floating], scale: Scale) -> Rgba:
     position = scale.position(values)
     rgba = colormaps[COLOUR_MAP](np.nan_to_num(position))
     rgba[..., 3] = np.isfinite(position)
-    return _to_bytes(rgba)
+    return to_bytes(rgba)
 
 
 def outlined(picture: Rgba, found: NDArray[np.bool_], colour: tuple[int, int, int]) -> Rgba:
@@ -139,7 +127,7 @@ def outlined(picture: Rgba, found: NDArray[np.bool_], colour: tuple[int, int, in
 
 def bar_colours(count: int = 17) -> list[str]:
     """Colours along the bar of every scale, as CSS hex codes."""
-    steps = _to_bytes(colormaps[COLOUR_MAP](np.linspace(0.0, 1.0, count)))
+    steps = to_bytes(colormaps[COLOUR_MAP](np.linspace(0.0, 1.0, count)))
     return [f"#{r:02x}{g:02x}{b:02x}" for r, g, b, _ in steps.tolist()]
 
 
@@ -154,20 +142,9 @@ def shrunk(picture: Rgba, longest: int) -> Rgba:
     premultiplied = np.concatenate([padded[..., :3] * padded[..., 3:], padded[..., 3:]], axis=-1)
     mean = premultiplied.reshape(height // block, block, width // block, block, 4).mean(axis=(1, 3))
     mean[..., :3] /= np.maximum(mean[..., 3:], 1e-6)
-    return _to_bytes(mean)
-
-
-def png(picture: Rgba) -> bytes:
-    """Encode an image of shape (H, W, 4) as PNG."""
-    stream = io.BytesIO()
-    imsave(stream, picture, format="png")
-    return stream.getvalue()
+    return to_bytes(mean)
 
 
 def data_uri(picture: Rgba) -> str:
     """Encode an image as a data URI, to embed it in HTML."""
     return "data:image/png;base64," + base64.b64encode(png(picture)).decode("ascii")
-
-
-def _to_bytes(values: NDArray[np.floating]) -> Rgba:
-    return np.asarray(np.rint(np.clip(values, 0.0, 1.0) * 255), dtype=np.uint8)
