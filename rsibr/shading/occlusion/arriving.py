@@ -27,7 +27,7 @@ BOUNCE_SHARE = 4
 BOUNCES = 2
 """Reflections between surfaces that are followed; a further one is the square of a matte albedo times a share."""
 
-MOST_RAYS = 2**26
+MOST_RAYS = 2**25
 """Rays of the whole preparation to the sky; larger meshes get fewer a point."""
 
 _FEWEST = 16
