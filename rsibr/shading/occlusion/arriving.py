@@ -21,13 +21,13 @@ from rsibr.shading.surface_types import SurfaceTypes
 RAYS = 256
 """Cosine-weighted rays a point."""
 
-BOUNCE_RAYS = 64
-"""The same for light that other surfaces reflect: it varies less over directions."""
+BOUNCE_SHARE = 4
+"""Rays to the sky for each ray to other surfaces, in each bounce: what they reflect varies less over directions."""
 
 BOUNCES = 2
 """Reflections between surfaces that are followed; a further one is the square of a matte albedo times a share."""
 
-MOST_RAYS = 2**26
+MOST_RAYS = 2**25
 """Rays of the whole preparation to the sky; larger meshes get fewer a point."""
 
 _FEWEST = 16
@@ -97,7 +97,7 @@ class ArrivingLight:
         for _ in range(bounces):
             shining = plain.holding(_exitant(points, groups, sky, bounced))
             bounced = [
-                reflected(scene.geometry, places[id(group)], shining, min(rays, BOUNCE_RAYS), light.hidden)
+                reflected(scene.geometry, places[id(group)], shining, -(-rays // BOUNCE_SHARE), light.hidden)
                 for group, light in zip(groups, sky, strict=True)
             ]
         values = np.ones((len(points), 3), np.float32)
