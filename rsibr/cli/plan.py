@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -37,6 +37,13 @@ def plan(
 
 
 def _print(made: Plan) -> None:
+    print_effects(made.effects)
+    for line in _lines(made):
+        typer.echo(line)
+
+
+def print_effects(effects: Iterable[Effect]) -> None:
+    """Print a table of effects: those of a bake, or of an object (`ObjectPlan.effects`)."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
@@ -46,11 +53,9 @@ def _print(made: Plan) -> None:
     for heading in ("effect", "", "evidence", "threshold", "s", "MiB", "relMSE\nwithout"):
         table.add_column(heading, no_wrap=True)
     table.add_column("why", overflow="fold")
-    for effect in made.effects:
+    for effect in effects:
         table.add_row(*_row(effect), style=None if effect.on else "yellow" if effect.missed else "dim")
     print_table(table)
-    for line in _lines(made):
-        typer.echo(line)
 
 
 def _row(effect: Effect) -> Iterator[str]:

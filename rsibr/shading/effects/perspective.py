@@ -14,7 +14,7 @@ PIXEL, GRID, ONE_MAP = "pixel", "map-grid", "map-reflection"
 
 SLOPE = 0.11
 """relMSE of one map by reflection over the squared half-angle of view [rad⁻²]: .0010, .013, .036 at 10°, 40°, 70° on
-plastic, clear coat alike (geometric means over four objects, sky `city`; ../shared/OBJECTS.md)."""
+plastic, clear coat alike (geometric means over four objects, sky `city`)."""
 
 GRID_SIDE = 5
 """Maps a side of the grid: each has this share of the spread."""

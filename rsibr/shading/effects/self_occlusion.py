@@ -24,7 +24,7 @@ def self_occlusion(evidence: Evidence) -> Effect:
     hidden = mean_of(types, "sky_hidden")
     effect = decided(
         "self_occlusion", evidence.switch("self_occlusion"), hidden, HIDDEN, "of the sky hidden by the object",
-        f"matte part by vertex, dielectric gloss by a mirror ray: {_by_lobe(dielectrics or types)}",
+        f"matte part by vertex, dielectric gloss by a mirror ray: {_by_lobe(dielectrics or types)}{_unbaked(evidence)}",
         "the object hides next to nothing from itself", error_if_left_out=min(1.0, mean_of(types, "error_without")),
     )  # fmt: skip
     if dielectrics or not effect.on:
@@ -37,6 +37,11 @@ def mean_of(types: Iterable[TypeVisibility], name: str) -> float:
     weights = [(one.weight, float(getattr(one, name))) for one in types]
     total = sum(weight for weight, _ in weights)
     return sum(weight * value for weight, value in weights) / total if total else 0.0
+
+
+def _unbaked(evidence: Evidence) -> str:
+    names = evidence.of_scene.types.unbaked(evidence.scene)
+    return f"; shapes without a bake hide the sky and reflect nothing: {', '.join(names)}" if names else ""
 
 
 def _by_lobe(types: Iterable[TypeVisibility]) -> str:

@@ -7,7 +7,7 @@ from rsibr.shading.effects.evidence import Evidence
 from rsibr.shading.effects.registry import register_effect
 
 ONE_RAY_ERROR = 0.32
-"""relMSE of one ray a pixel on silhouettes; .14, .018, .0023 with 4, 16, 64 (bunny; ../shared/OBJECTS.md)."""
+"""relMSE of one ray a pixel on silhouettes; .14, .018, .0023 with 4, 16, 64 (a clear-coat bunny)."""
 
 SHARE = 1e-3
 """Share of the pixels up to which silhouettes do not matter."""

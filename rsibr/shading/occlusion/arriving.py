@@ -21,13 +21,13 @@ from rsibr.shading.surface_types import SurfaceTypes
 RAYS = 256
 """Cosine-weighted rays a point."""
 
-BOUNCE_RAYS = 64
-"""The same for light that other surfaces reflect: it varies less over directions."""
+BOUNCE_SHARE = 4
+"""Rays to the sky for each ray to other surfaces, in each bounce: what they reflect varies less over directions."""
 
 BOUNCES = 2
 """Reflections between surfaces that are followed; a further one is the square of a matte albedo times a share."""
 
-MOST_RAYS = 2**26
+MOST_RAYS = 2**25
 """Rays of the whole preparation to the sky; larger meshes get fewer a point."""
 
 _FEWEST = 16
@@ -59,7 +59,13 @@ class ArrivingLight:
 
     @classmethod
     def of(
-        cls, scene: ObjectScene, types: SurfaceTypes, inputs: Sequence[MethodInputs], *, bounces: int = BOUNCES
+        cls,
+        scene: ObjectScene,
+        types: SurfaceTypes,
+        inputs: Sequence[MethodInputs],
+        *,
+        bounces: int = BOUNCES,
+        rays: int = RAYS,
     ) -> ArrivingLight:
         """Gather the light at all vertices.
 
@@ -73,10 +79,12 @@ class ArrivingLight:
             Inputs of the bake of each type.
         bounces : int
             Reflections between surfaces that are followed.
+        rays : int
+            Rays a point to the sky, at most.
         """
         start = time.perf_counter()
         points = SurfacePoints.of(scene.shapes, types.of_shape, scene.radius)
-        rays = int(np.clip(MOST_RAYS // max(len(points), 1), _FEWEST, RAYS))
+        rays = min(rays, max(MOST_RAYS // max(len(points), 1), _FEWEST))
         lit = [(index, one) for index, one in enumerate(inputs) if one.bake.manifest.light is not None]
         groups = [_Group.of(points, types, index, one) for index, one in lit]
         groups = [group for group in groups if group.rows.any()]
@@ -89,7 +97,8 @@ class ArrivingLight:
         for _ in range(bounces):
             shining = plain.holding(_exitant(points, groups, sky, bounced))
             bounced = [
-                reflected(scene.geometry, places[id(group)], shining, min(rays, BOUNCE_RAYS)) for group in groups
+                reflected(scene.geometry, places[id(group)], shining, -(-rays // BOUNCE_SHARE), light.hidden)
+                for group, light in zip(groups, sky, strict=True)
             ]
         values = np.ones((len(points), 3), np.float32)
         for group, light, more in zip(groups, sky, bounced, strict=True):

@@ -126,7 +126,9 @@ def _gathered(
     return bare, past, stopped
 
 
-def reflected(scene: mi.Scene, places: list[Places], exitant: PointField, rays: int) -> NDArray[np.float64]:
+def reflected(
+    scene: mi.Scene, places: list[Places], exitant: PointField, rays: int, hidden: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Irradiance [W m⁻²] at points from the surfaces that they see, shape (N, 3).
 
     Parameters
@@ -135,24 +137,30 @@ def reflected(scene: mi.Scene, places: list[Places], exitant: PointField, rays: 
         As in `gathered`.
     exitant : PointField
         Radiance that each surface reflects, the same in all directions [W sr⁻¹ m⁻²].
+    hidden : ndarray, shape (N,)
+        Share of the sky that these surfaces hide, from `gathered`: the mean over rays that meet one is scaled by it, so
+        that what is hidden and what takes its place add up.
     """
     found = [_reflected(scene, part, exitant, rays, number) for number, part in enumerate(places)]
-    return np.concatenate([np.zeros((0, 3)), *found])
+    return np.concatenate([np.zeros((0, 3)), *found]) * (np.pi * hidden[:, None])
 
 
 def _reflected(scene: mi.Scene, places: Places, exitant: PointField, rays: int, number: int) -> NDArray[np.float64]:
+    """Mean radiance over the rays that meet a surface."""
     lanes = dr.width(places.p)
     pattern, frame = _Pattern.of(rays, lanes, number), mi.Frame3f(places.n)
     count = dr.opaque(mi.UInt32, rays)
 
-    def add(k: mi.UInt32, total: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f]:
+    def add(k: mi.UInt32, hits: mi.UInt32, total: mi.Color3f) -> tuple[mi.UInt32, mi.UInt32, mi.Color3f]:
         ray = mi.Ray3f(places.p, frame.to_world(pattern.direction(k)))
         met = scene.ray_intersect_preliminary(ray)
-        return k + 1, total + exitant.met(ray, met, mi.Bool(True))
+        hits += dr.select(met.is_valid(), mi.UInt32(1), 0)
+        return k + 1, hits, total + exitant.met(ray, met, mi.Bool(True))
 
-    state = (mi.UInt32(0), dr.zeros(mi.Color3f, lanes))
-    _, total = dr.while_loop(state, lambda k, _: k < count, add, label="bounce_rays")
-    return np.asarray(np.array(total, np.float64).T * (np.pi / rays))
+    state = (mi.UInt32(0), dr.zeros(mi.UInt32, lanes), dr.zeros(mi.Color3f, lanes))
+    _, hits, total = dr.while_loop(state, lambda k, *_: k < count, add, label="bounce_rays")
+    dr.eval(hits, total)
+    return np.asarray(np.array(total, np.float64).T / np.maximum(np.array(hits), 1)[:, None])
 
 
 @dataclass(eq=False)

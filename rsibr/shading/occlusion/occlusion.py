@@ -19,7 +19,7 @@ import mitsuba as mi
 from rsibr.methods.inputs import MethodInputs
 from rsibr.shading.lookups.registry import Shade
 from rsibr.shading.object_scene import ObjectScene
-from rsibr.shading.occlusion.arriving import BOUNCES, ArrivingLight
+from rsibr.shading.occlusion.arriving import BOUNCES, RAYS, ArrivingLight
 from rsibr.shading.occlusion.material_parts import MaterialParts
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.shading.surfaces import Surfaces
@@ -60,9 +60,10 @@ class Occlusion:
         *,
         gloss: bool = True,
         bounces: int = BOUNCES,
+        rays: int = RAYS,
     ) -> Occlusion:
         """Prepare the occlusion of a scene; parameters as of `ArrivingLight.of`."""
-        arriving = ArrivingLight.of(scene, types, inputs, bounces=bounces)
+        arriving = ArrivingLight.of(scene, types, inputs, bounces=bounces, rays=rays)
         parts = [MaterialParts.of(one) for one in inputs]
         return cls(scene.geometry, arriving, parts, dr.opaque(mi.Float, _LIFT * scene.radius), gloss)
 
@@ -94,10 +95,14 @@ class Occlusion:
         return occluded
 
     def _past(self, surfaces: Surfaces, gloss: mi.Color3f, albedo: mi.Color3f) -> mi.Color3f:
-        """Gloss, or the reflection of the surface that the mirror ray meets."""
+        """Gloss, or the reflection of the surface that the mirror ray meets.
+
+        A mirror ray of an interpolated normal may point into the flat triangle: it meets the surface at its start.
+        """
         d = mi.reflect(surfaces.v, surfaces.n)
         above = surfaces.hit & (dr.dot(d, surfaces.facing) > 0)
         start = surfaces.p + self.lift * surfaces.facing
         ray = mi.Ray3f(start, d)
         met = self.geometry.ray_intersect_preliminary(ray, active=above)
-        return dr.select(above & met.is_valid(), albedo * self.arriving.exitant.met(ray, met, above), gloss)
+        other = dr.select(above, self.arriving.exitant.met(ray, met, above), self.arriving.exitant.on(surfaces, 0))
+        return dr.select(surfaces.hit & (~above | met.is_valid()), albedo * other, gloss)

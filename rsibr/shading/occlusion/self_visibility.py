@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rsibr.geometry.to_device import to_device
 from rsibr.methods.inputs import MethodInputs
+from rsibr.planning.model import SECOND_MOMENT
 from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.occlusion.gathering import Places, gathered, ratio_of
 from rsibr.shading.occlusion.material_parts import MaterialParts
@@ -28,6 +29,10 @@ VIEW_RAYS = 2**13
 
 SKY_RAYS = 64
 """Cosine-weighted rays of each point."""
+
+MOST_OF_A_POINT = 10.0
+"""Most that a point counts in an estimated relMSE: a pixel averages over mirror rays, a point has one. Without it the
+estimate for metals is tens of times what path tracing shows; with it, within a factor of seven on five meshes."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +75,7 @@ def self_visibility(
     Notes
     -----
     Radiance is modelled: albedo times irradiance over π, plus albedo times the environment blurred by the gloss. What
-    hides the sky is taken to reflect the mean of the arriving irradiance.
+    hides the sky is taken to reflect the mean of the arriving irradiance, and in mirror rays its own gloss.
     """
     seen = first_surfaces(scene.geometry, _rays(scene))
     kind = np.array(types.of(seen))
@@ -104,21 +109,17 @@ def _of_type(scene: ObjectScene, seen: Surfaces, chosen: NDArray[np.bool_], inpu
     light = gathered(scene.geometry, places, Sky.of(inputs.light), SKY_RAYS)
     mirror = 2 * n * (n * v).sum(axis=1, keepdims=True) - v
     above = (mirror * facing).sum(axis=1) > 0
-    met = np.concatenate(
-        [
-            np.array(scene.geometry.ray_test(mi.Ray3f(one.p, mi.Vector3f(*_on_device(d)))))
-            for one, d in _together(places, mirror)
-        ]
-    )
-    met &= above
+    start = _lifted(scene, p, facing)
+    behind = first_surfaces(scene.geometry, mi.Ray3f(start, mi.Vector3f(*_on_device(mirror))), mi.Bool(above))
+    met = np.array(behind.hit) & above
     # ---- Radiance of both parts under the open sky, and past the object ----
-    matte, gloss, shine = _modelled(inputs, parts, n, v, mirror)
+    matte, gloss, shine = _modelled(inputs, parts, n, v)
     ratio = ratio_of(light).astype(np.float64)
-    whole_albedo = parts.matte_albedo + parts.gloss_albedo
-    exitant = whole_albedo * light.past.mean(axis=0) / math.pi
-    bounced = light.hidden[:, None] * exitant * math.pi
+    mean = light.past.mean(axis=0)
+    bounced = light.hidden[:, None] * (parts.matte_albedo + parts.gloss_albedo) * mean
     with_bounces = ratio + bounced / np.maximum(light.open, 1e-12 * max(light.open.max(), 1e-30))
-    true = with_bounces * matte + np.where(met[:, None], shine * exitant, gloss)
+    shown = shine * (parts.matte_albedo * mean / math.pi + _second_gloss(inputs, parts, behind, met))
+    true = with_bounces * matte + np.where(met[:, None], shown, gloss)
     shadowed = ratio * matte + np.where(met[:, None], 0, gloss)
     return TypeVisibility(
         is_metal=parts.is_metal,
@@ -132,28 +133,38 @@ def _of_type(scene: ObjectScene, seen: Surfaces, chosen: NDArray[np.bool_], inpu
     )
 
 
-def _modelled(
-    inputs: MethodInputs, parts: MaterialParts, n: Array, v: Array, mirror: Array
-) -> tuple[Array, Array, Array]:
+def _modelled(inputs: MethodInputs, parts: MaterialParts, n: Array, v: Array) -> tuple[Array, Array, Array]:
     """Radiance of the matte part and of the gloss under the open sky, and the albedo of the gloss, (N, 3) each."""
-    normal, cosine = mi.Vector3f(*_on_device(n)), mi.Float(*_on_device((n * v).sum(axis=1, keepdims=True)))
+    normal, viewer = mi.Vector3f(*_on_device(n)), mi.Vector3f(*_on_device(v))
+    cosine = dr.dot(normal, viewer)
     albedo = parts.gloss.colour(cosine)
-    alphas = [(shape.alpha, float(table.mean())) for shape, table in inputs.shapes.values() if not shape.has_matte]
-    width = 2 * math.sqrt(0.4) * sum(a * w for a, w in alphas) / max(sum(w for _, w in alphas), 1e-30)
-    around = inputs.pyramid.nearest_blurred(mi.Vector3f(*_on_device(mirror)), mi.Float(width))
+    around = inputs.pyramid.nearest_blurred(mi.reflect(viewer, normal), mi.Float(_gloss_width(inputs)))
     matte = mi.Color3f(parts.matte_radiance(normal, cosine)) + dr.zeros(mi.Color3f, len(n))
     matte_radiance, gloss, shine = (np.array(one, np.float64).T for one in (matte, albedo * around, albedo))
     return matte_radiance, gloss, shine
 
 
+def _second_gloss(inputs: MethodInputs, parts: MaterialParts, behind: Surfaces, met: NDArray[np.bool_]) -> Array:
+    """Gloss of the surfaces that mirror rays meet, as if of the same material under the open sky, (N, 3)."""
+    n, v = (np.where(met[:, None], np.array(rows, np.float64).T, [0.0, 0.0, 1.0]) for rows in (behind.n, behind.v))
+    return np.where(met[:, None], _modelled(inputs, parts, n, v)[1], 0)
+
+
+def _gloss_width(inputs: MethodInputs) -> float:
+    """Width [rad] of the lobes without a matte part around the mirror direction, by their albedo."""
+    alphas = [(shape.alpha, float(table.mean())) for shape, table in inputs.shapes.values() if not shape.has_matte]
+    total = sum(weight for _, weight in alphas)
+    mean = sum(alpha * weight for alpha, weight in alphas) / total if total else 0.0
+    return 2 * math.sqrt(SECOND_MOMENT) * mean
+
+
+def _lifted(scene: ObjectScene, p: Array, facing: Array) -> mi.Point3f:
+    return mi.Point3f(*_on_device(p + 1e-4 * scene.radius * facing))
+
+
 def _relative(estimate: Array, truth: Array) -> float:
     floor = (0.1 * truth.mean(axis=0)) ** 2 + 1e-30
-    return float(((estimate - truth) ** 2 / (truth**2 + floor)).mean())
-
-
-def _together(places: list[Places], rows: Array) -> list[tuple[Places, Array]]:
-    ends = np.cumsum([dr.width(one.p) for one in places])
-    return list(zip(places, np.split(rows, ends[:-1]), strict=True))
+    return float(np.minimum((estimate - truth) ** 2 / (truth**2 + floor), MOST_OF_A_POINT).mean())
 
 
 def _single(rows: Array) -> NDArray[np.float32]:

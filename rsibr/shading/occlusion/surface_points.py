@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 SPACING = 0.02
 """Distance between points over the radius of the scene that a coarse mesh is refined to."""
 
-MOST_REFINED = 2**17
+MOST_REFINED = 2**16
 """Points of a scene up to which coarse meshes are refined."""
 
 MOST_STEPS = 96
@@ -69,8 +69,8 @@ class SurfacePoints:
             normals.append(n)
             corners.append(faces + np.uint32(points))
             points, triangles = points + len(where), triangles + len(faces)
-        p, n = np.concatenate(positions).astype(np.float32), np.concatenate(normals).astype(np.float32)
-        return cls(p, n, np.concatenate(corners).astype(np.uint32), first_triangle, first_point, steps)
+        at, up = (np.asarray(np.concatenate(part), np.float32) for part in (positions, normals))
+        return cls(at, up, np.concatenate(corners).astype(np.uint32), first_triangle, first_point, steps)
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -114,7 +114,12 @@ def _steps(triangles: Array, flat: Array, spacing: float, most: int) -> int:
     edges = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
     edge = float((area * edges).sum() / max(area.sum(), 1e-300))
     wanted = math.ceil(min(edge / max(spacing, 1e-300), MOST_STEPS) - 1e-6)
-    return max(1, min(wanted, math.isqrt(2 * most // len(triangles))))
+    return max(1, min(wanted, _steps_within(most / len(triangles))))
+
+
+def _steps_within(points: float) -> int:
+    """Most steps with (s + 1)(s + 2)/2 points or fewer."""
+    return max(1, math.floor(math.sqrt(2 * points + 0.25) - 1.5))
 
 
 def _refined(triangles: Array, normals: Array, steps: int) -> _Points:
@@ -130,7 +135,7 @@ def _refined(triangles: Array, normals: Array, steps: int) -> _Points:
 
 def _on_square(shape: Any, most: int) -> _Points | None:
     """Points over the square of the parameters (u, v), as two triangles; None for a shape without parameters."""
-    steps = max(1, min(MOST_STEPS, math.isqrt(most)))
+    steps = min(MOST_STEPS, _steps_within(most / 2))
     lower = grid_places(steps)
     uv = np.concatenate([lower, 1 - lower])
     inner = np.clip(uv, 1e-4, 1 - 1e-4)  # poles and seams have no normal
