@@ -174,6 +174,19 @@ def told(error):
     return f"{error.__cause__} {error}"
 
 
+def test_a_method_that_does_not_serve_the_bake_is_refused_when_the_scene_is_loaded(tmp_path):
+    config = {
+        "environment": {"emitter": {"type": "constant"}},
+        "material": {"preset": "matte-lambert"},
+        "map": {"resolution": 8},
+        "sampling": {"samples": 4},
+        "effects": {"lobes": "off"},
+    }
+    path = str(bake(parse_config(config, tmp_path), out=tmp_path / "b.rsibr").path)
+    with pytest.raises(RuntimeError, match="BakeError: .*its lobes are not stored separately. Bake with"):
+        mi.load_dict({"type": "rsibr", "bake": path, "method": "rsibr"})
+
+
 def test_scalar_and_mono_variants_are_refused(paint):
     for variant in ("scalar_rgb", "llvm_ad_mono"):
         mi.set_variant(variant)
@@ -222,6 +235,12 @@ def test_a_turned_camera_compiles_nothing(paint):
             rendered(made)
             new = [one for one in dr.kernel_history([dr.KernelType.JIT]) if not one["cache_hit"]]
     assert new == []
+
+
+def test_a_rectangle_may_have_a_bake_and_be_occluded(paint):
+    floor = {"type": "rectangle", "to_world": mi.ScalarTransform4f().translate([0, -1.2, 0]).rotate([1, 0, 0], -90)}
+    made = scene({**integrator(paint), "bake_floor": paint, "occlusion": "on"}, floor=floor)
+    assert np.isfinite(rendered(made)).all()
 
 
 def test_threads_render_what_one_renders_beside_sessions_of_others(paint):
