@@ -92,6 +92,8 @@ def _points_of(shape: Any, spacing: float, most: int) -> _Points | None:
     if not shape.face_count():
         return None
     parameters = mi.traverse(shape)
+    if "vertex_positions" not in parameters:  # `rectangle` is a mesh without them
+        return _on_square(shape, most)
     positions = np.array(parameters["vertex_positions"], np.float64).reshape(-1, 3)
     faces = np.array(parameters["faces"], np.uint32).reshape(-1, 3)
     positions = np.where(np.isfinite(positions), positions, 0)
