@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rsibr.methods.inputs import MethodInputs
 from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.occlusion.covered_points import covered, from_neighbours
 from rsibr.shading.occlusion.gathering import Irradiance, Places, gathered, ratio_of, reflected
 from rsibr.shading.occlusion.material_parts import MaterialParts
 from rsibr.shading.occlusion.point_field import PointField
@@ -103,8 +104,12 @@ class ArrivingLight:
         values = np.ones((len(points), 3), np.float32)
         for group, light, more in zip(groups, sky, bounced, strict=True):
             values[group.rows] = ratio_of(light, more)
-        exitant = plain.holding(_exitant(points, groups, sky, bounced))
-        return cls(points, plain.holding(values), exitant, rays, time.perf_counter() - start)
+        hidden = covered(scene.geometry, points, scene.radius)
+        ratio, exitant = (
+            plain.holding(from_neighbours(field, hidden, points.corners))
+            for field in (values, _exitant(points, groups, sky, bounced))
+        )
+        return cls(points, ratio, exitant, rays, time.perf_counter() - start)
 
 
 @dataclass(frozen=True, eq=False)

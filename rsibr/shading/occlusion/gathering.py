@@ -94,7 +94,7 @@ def _gathered(
     scene: mi.Scene, places: Places, sky: Sky, rays: int, number: int
 ) -> tuple[mi.Color3f, mi.Color3f, mi.Float]:
     lanes = dr.width(places.p)
-    pattern = _Pattern.of(rays, lanes, number)
+    pattern = Pattern.of(rays, lanes, number)
     frame, count = mi.Frame3f(places.n), dr.opaque(mi.UInt32, rays)
 
     def even(k: mi.UInt32, bare: mi.Color3f, past: mi.Color3f, stopped: mi.Float) -> tuple[Any, ...]:
@@ -148,7 +148,7 @@ def reflected(
 def _reflected(scene: mi.Scene, places: Places, exitant: PointField, rays: int, number: int) -> NDArray[np.float64]:
     """Mean radiance over the rays that meet a surface."""
     lanes = dr.width(places.p)
-    pattern, frame = _Pattern.of(rays, lanes, number), mi.Frame3f(places.n)
+    pattern, frame = Pattern.of(rays, lanes, number), mi.Frame3f(places.n)
     count = dr.opaque(mi.UInt32, rays)
 
     def add(k: mi.UInt32, hits: mi.UInt32, total: mi.Color3f) -> tuple[mi.UInt32, mi.UInt32, mi.Color3f]:
@@ -164,15 +164,24 @@ def _reflected(scene: mi.Scene, places: Places, exitant: PointField, rays: int, 
 
 
 @dataclass(eq=False)
-class _Pattern:
-    """Points of a rank-1 lattice on the cosine-weighted hemisphere, shifted at random for each lane."""
+class Pattern:
+    """Points of a rank-1 lattice on the cosine-weighted hemisphere, shifted at random for each lane.
+
+    Attributes
+    ----------
+    across, down : mi.Float
+        Steps of the lattice.
+    shift : mi.Point2f
+        Shift of each lane.
+    """
 
     across: mi.Float
     down: mi.Float
     shift: mi.Point2f
 
     @classmethod
-    def of(cls, rays: int, lanes: int, number: int) -> _Pattern:
+    def of(cls, rays: int, lanes: int, number: int) -> Pattern:
+        """Make the pattern of so many rays; `number` tells launches of the same lanes apart."""
         random = mi.PCG32(lanes, initseq=dr.arange(mi.UInt64, lanes) + number * LANES)
         across, down = (dr.opaque(mi.Float, value / rays) for value in (1, generator(rays).texel[1]))
         shift = mi.Point2f(random.next_float32(), random.next_float32())
