@@ -247,6 +247,16 @@ def test_shapes_beyond_the_table_such_as_those_of_groups_have_no_bake():
     assert types.of(at) == UNBAKED
 
 
+def test_instances_are_the_nested_integrators(paint):
+    group = {"type": "shapegroup", "cube": {"type": "cube"}}
+    instance = {"type": "instance", "group": {"type": "ref", "id": "group"}}
+    placed = {"group": group, "instance": {**instance, "to_world": mi.ScalarTransform4f().translate([-3, 2, -1])}}
+    ray = mi.RayDifferential3f(mi.Ray3f([-3, 2, 6], [0, 0, -1]))
+    chosen = ({"type": "rsibr", "bake": paint, "method": METHOD}, {"type": "path"})
+    found, wanted = (s.integrator().sample(s, sampler(1), ray)[0] for s in (scene(one, **placed) for one in chosen))
+    np.testing.assert_array_equal(np.array(found), np.array(wanted))
+
+
 def test_a_rectangle_may_have_a_bake_and_be_occluded(paint):
     floor = {"type": "rectangle", "to_world": mi.ScalarTransform4f().translate([0, -1.2, 0]).rotate([1, 0, 0], -90)}
     made = scene({**integrator(paint), "bake_floor": paint, "occlusion": "on"}, floor=floor)
