@@ -253,7 +253,8 @@ def test_instances_are_the_nested_integrators(paint):
     placed = {"group": group, "instance": {**instance, "to_world": mi.ScalarTransform4f().translate([-3, 2, -1])}}
     ray = mi.RayDifferential3f(mi.Ray3f([-3, 2, 6], [0, 0, -1]))
     chosen = ({"type": "rsibr", "bake": paint, "method": METHOD}, {"type": "path"})
-    found, wanted = (s.integrator().sample(s, sampler(1), ray)[0] for s in (scene(one, **placed) for one in chosen))
+    scenes = [scene(one, **placed) for one in chosen]  # alive until the lazy results are evaluated
+    found, wanted = (one.integrator().sample(one, sampler(1), ray)[0] for one in scenes)
     np.testing.assert_array_equal(np.array(found), np.array(wanted))
 
 
