@@ -89,7 +89,8 @@ class BakedRadiance:
 
     Notes
     -----
-    Radiance from bakes has no derivatives; it is not attenuated by media; a shape's `opacity` is ignored.
+    Radiance from bakes has no derivatives; it is not attenuated by media; a shape's `opacity` is ignored. Instances of
+    shape groups have no bake, and hide no light from shapes with one.
     """
 
     hide_emitters: bool  # of Mitsuba's base class
@@ -254,6 +255,8 @@ def _by_id(shapes: list[mi.Shape], bakes: dict[str, Bake]) -> dict[str, mi.Shape
         if shape.is_emitter():
             if name in bakes:
                 raise InputError(f"shape '{name}' is an emitter", where=_WHERE, fix=f"leave out {_PREFIX}{name}")
+            continue
+        if shape.class_name() == "Instance":  # cannot be loaded without its group: neither shaded nor an occluder
             continue
         found[name if name and name not in found else f"{name or 'shape'} ({number})"] = shape
     lost = [name for name in bakes if name != "*" and name not in found]

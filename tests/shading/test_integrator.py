@@ -17,6 +17,7 @@ from rsibr.shading.camera import Camera
 from rsibr.shading.integrator import register_plugins
 from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.renderer import ObjectRenderer
+from rsibr.shading.surface_types import UNBAKED, SurfaceTypes
 from rsibr.shading.surfaces import first_surfaces
 from rsibr.store.bake import open_bake
 
@@ -183,7 +184,7 @@ def test_a_method_that_does_not_serve_the_bake_is_refused_when_the_scene_is_load
         "effects": {"lobes": "off"},
     }
     path = str(bake(parse_config(config, tmp_path), out=tmp_path / "b.rsibr").path)
-    with pytest.raises(RuntimeError, match="BakeError: .*its lobes are not stored separately. Bake with"):
+    with pytest.raises(RuntimeError, match=r"BakeError: .*its lobes are not stored separately. Bake with"):
         mi.load_dict({"type": "rsibr", "bake": path, "method": "rsibr"})
 
 
@@ -235,6 +236,26 @@ def test_a_turned_camera_compiles_nothing(paint):
             rendered(made)
             new = [one for one in dr.kernel_history([dr.KernelType.JIT]) if not one["cache_hit"]]
     assert new == []
+
+
+def test_shapes_beyond_the_table_such_as_those_of_groups_have_no_bake():
+    ball = _ball()
+    types = SurfaceTypes.assign(ball, ["*"])
+    at = first_surfaces(ball.geometry, mi.Ray3f([0, 0, 6], [0, 0, -1]))
+    assert types.of(at) == 0
+    at.shape += 10**6
+    assert types.of(at) == UNBAKED
+
+
+def test_instances_are_the_nested_integrators(paint):
+    group = {"type": "shapegroup", "cube": {"type": "cube"}}
+    instance = {"type": "instance", "group": {"type": "ref", "id": "group"}}
+    placed = {"group": group, "instance": {**instance, "to_world": mi.ScalarTransform4f().translate([-3, 2, -1])}}
+    ray = mi.RayDifferential3f(mi.Ray3f([-3, 2, 6], [0, 0, -1]))
+    chosen = ({"type": "rsibr", "bake": paint, "method": METHOD}, {"type": "path"})
+    scenes = [scene(one, **placed) for one in chosen]  # alive until the lazy results are evaluated
+    found, wanted = (one.integrator().sample(one, sampler(1), ray)[0] for one in scenes)
+    np.testing.assert_array_equal(np.array(found), np.array(wanted))
 
 
 def test_a_rectangle_may_have_a_bake_and_be_occluded(paint):
