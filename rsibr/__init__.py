@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from rsibr.methods.registry import register as register
     from rsibr.resources import configs as configs
     from rsibr.scene.config import load_config as load_config
+    from rsibr.shading.integrator import register_plugins as register_plugins
     from rsibr.shading.render import render as render
     from rsibr.shading.sequence import render_sequence as render_sequence
     from rsibr.store.bake import open_bake as open_bake
@@ -57,6 +58,7 @@ _HOME = {
     "plan": "rsibr.budget.bake",
     "reconstruct": "rsibr.methods.reconstruction",
     "register": "rsibr.methods.registry",
+    "register_plugins": "rsibr.shading.integrator",
     "render": "rsibr.shading.render",
     "render_sequence": "rsibr.shading.sequence",
     "study": "rsibr.studies.runner",
@@ -93,6 +95,7 @@ __all__ = [
     "plots",
     "reconstruct",
     "register",
+    "register_plugins",
     "render",
     "render_sequence",
     "study",
