@@ -120,7 +120,7 @@ class ResidualMethod(WarpBlend):
                 radiance += self._residual(toward, n, self.albedo.at(middle.z), radiance)
             if self.hedge is not None and across is not None:
                 radiance = self.hedge.mixed(radiance, across, n)
-            return as_rgba(self._finished(radiance))
+            return as_rgba(self._finished(radiance) + 0 * n.z)  # Dr.Jit fails where both branches return one literal
 
         # ---- Skip texels outside the disk ----
         inside = touches_disk(p, resolution)
