@@ -120,12 +120,15 @@ class ResidualMethod(WarpBlend):
                 radiance += self._residual(toward, n, self.albedo.at(middle.z), radiance)
             if self.hedge is not None and across is not None:
                 radiance = self.hedge.mixed(radiance, across, n)
-            return as_rgba(self._finished(radiance) + 0 * n.z)  # Dr.Jit fails where both branches return one literal
+            return as_rgba(self._finished(radiance))
+
+        def black(n: mi.Vector3f, _middle: mi.Vector3f) -> mi.Vector4f:
+            return mi.Vector4f(dr.minimum(n.x * n.x, 0))  # no literal: Dr.Jit 1.5 fails where both branches return one
 
         # ---- Skip texels outside the disk ----
         inside = touches_disk(p, resolution)
         normals = normal_from_disk(p), normal_from_disk(covered_middle(p, resolution))
-        radiance = dr.if_stmt(normals, inside, shaded, lambda _n, _middle: mi.Vector4f(0))
+        radiance = dr.if_stmt(normals, inside, shaded, black)
         return laid_out(radiance, texel, resolution)
 
     @backend.in_session
