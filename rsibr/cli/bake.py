@@ -18,7 +18,7 @@ def bake(
         Path | None, typer.Option(help="Directory of the bake; by default CONFIG's name with the suffix .rsibr.")
     ] = None,
     overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the config.")
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the config; repeatable.")
     ] = None,
     clamp: Annotated[
         float | None,

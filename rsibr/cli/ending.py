@@ -146,7 +146,8 @@ def _check_working_folder() -> None:
 def _mistyped(error: Any) -> InputError:
     """Convert an exception of Typer; its message names the option or argument."""
     command = error.ctx.command_path if error.ctx else "rsibr"
-    return InputError(error.format_message().rstrip(".?"), where=command, fix=f"see `{command} --help`")
+    told = error.format_message().replace(": Value error, ", ": ").rstrip(".?")
+    return InputError(told, where=command, fix=f"see `{command} --help`")
 
 
 @contextmanager

@@ -28,6 +28,13 @@ Imports = Annotated[
         help="Python module, or FILE.py, that registers Mitsuba plugins, in addition to the config's; repeatable.",
     ),
 ]
+Lookup = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="How a surface takes its radiance: pixel, map-grid, map-normal, map-reflection, or auto (the cheapest).",
+    ),
+]
 Yes = Annotated[
     bool, typer.Option("--yes", help="Start even if the job exceeds the free disk space or memory.", show_default=False)
 ]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def plan(
     config: Config,
     overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the config.")
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the config; repeatable.")
     ] = None,
     imports: Imports = None,
     json_output: Json = False,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rsibr.cli.named_bakes import named_bakes
-from rsibr.cli.options import Imports, Json, Yes, check_output_file, imported, parse_resolution
+from rsibr.cli.options import Imports, Json, Lookup, Yes, check_output_file, imported, parse_resolution
 from rsibr.errors import InputError, printable
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def render(
     ],
     out: Annotated[Path, typer.Option(metavar="FILE", help="File ending in .exr or .png; of a sequence also .mp4.")],
     method: Annotated[str | None, typer.Option(help="Method of all bakes, by default rsibr.")] = None,
-    lookup: Annotated[str, typer.Option(help="How a surface takes its radiance from the method.")] = "pixel",
+    lookup: Lookup = "pixel",
     camera: Annotated[
         str | None,
         typer.Option(metavar="X,Y,Z[,X,Y,Z]", help="Position of the camera, and its target; else the scene's."),
@@ -178,7 +178,8 @@ def _say_sequence(made: RenderedSequence, *, json_output: bool) -> None:
         typer.echo(json.dumps(found | further))
         return
     kept = f", {made.kept} of them kept from an earlier run" if made.kept else ""
-    typer.echo(f"{printable(made.files[0])}: {made.frames} frames{kept}, in {made.seconds:.1f} s")
+    files = " to ".join(printable(file) for file in dict.fromkeys((made.files[0], made.files[-1])))
+    typer.echo(f"{files}: {made.frames} frames{kept}, in {made.seconds:.1f} s")
 
 
 def _note(notes: tuple[str, ...]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rsibr.cli.named_bakes import named_bakes, only_bake
-from rsibr.cli.options import Imports, Json, Yes, check_output_folder, imported, parse_resolution, parse_view
+from rsibr.cli.options import Imports, Json, Lookup, Yes, check_output_folder, imported, parse_resolution, parse_view
 from rsibr.errors import printable
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def validate(
     ] = None,
     resolution: Annotated[str | None, typer.Option(metavar="N|WxH", help="Pixels of the picture.")] = None,
     rays: Annotated[int, typer.Option(min=1, max=4096, help="Rays a pixel of the picture.")] = 16,
-    lookup: Annotated[str, typer.Option(help="How surfaces of the picture take their radiance.")] = "pixel",
+    lookup: Lookup = "pixel",
     occlusion: Annotated[str, typer.Option(metavar="off|auto|on", help="The picture's own shadows.")] = "auto",
     allow_large: Yes = False,
     imports: Imports = None,

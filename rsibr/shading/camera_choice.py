@@ -52,6 +52,9 @@ def chosen_camera(
     size = None if resolution is None else _size(resolution)
     if isinstance(camera, Camera):
         return camera if size is None else camera.resized(*size)
+    if camera is not None and not isinstance(camera, Mapping):
+        fix = "give a mapping, such as {'position': (3, 1, 4)}"
+        raise InputError(f"{camera!r} is neither a Camera nor a mapping", where="camera", fix=fix)
     given = {} if camera is None else dict(camera)
     _check_keys(given)
     if scene.camera is not None and not given.keys() - {"fov_deg"}:

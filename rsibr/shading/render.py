@@ -166,7 +166,8 @@ def render(
     rays : int
         Rays a pixel, 1 to 4096.
     lookup : str
-        How a surface takes its radiance from the method, one of `rsibr.shading.lookups.registry.lookups`.
+        How a surface takes its radiance from the method, one of `rsibr.shading.lookups.registry.lookups`; "auto": the
+        cheapest that the perspective allows.
     occlusion : {"auto", "off", "on"}
         Whether the object hides the sky from itself; "auto" decides by the scene.
     strict : bool

@@ -119,7 +119,7 @@ def lookup_named(name: str) -> LookupRegistration:
     if name not in known:
         near = get_close_matches(name, known, 1)
         meant = f"did you mean '{near[0]}'? " if near else ""
-        raise InputError(f"unknown lookup '{name}'", where="lookup", fix=f"{meant}there are: {', '.join(known)}")
+        raise InputError(f"unknown lookup '{name}'", where="lookup", fix=f"{meant}there are: auto, {', '.join(known)}")
     return known[name]
 
 
