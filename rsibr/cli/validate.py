@@ -10,7 +10,7 @@ import typer
 
 from rsibr.cli.named_bakes import named_bakes, only_bake
 from rsibr.cli.options import Imports, Json, Lookup, Yes, check_output_folder, imported, parse_resolution, parse_view
-from rsibr.errors import printable
+from rsibr.errors import InputError, printable
 
 if TYPE_CHECKING:
     from rsibr.budget.promise import Promise
@@ -23,6 +23,7 @@ MOST_VIEWS = 10_000
 
 
 def validate(
+    context: typer.Context,
     bake: Annotated[
         list[str],
         typer.Argument(
@@ -64,6 +65,7 @@ def validate(
     given = [parse_view(text) for text in view or ()]
     check_output_folder(out)
     imported(imports)
+    _check_options(context, of_object=scene is not None)
     if scene is not None:
         view_of = (camera, resolution, rays, lookup, occlusion)
         _validate_object(scene, bake, out, view_of, method, samples, allow_large=allow_large, json_output=json_output)
@@ -90,6 +92,16 @@ def validate(
     print_validation(found, out, json_output=json_output)
     if not given:
         raise typer.Exit(exit_code(_promise(opened, found)))
+
+
+def _check_options(context: typer.Context, *, of_object: bool) -> None:
+    """Refuse options that only the other kind of validation reads."""
+    ignored = ("views", "view", "lobes") if of_object else ("camera", "resolution", "rays", "lookup", "occlusion")
+    for name in ignored:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            fix = "leave it out: with --object one camera is judged" if of_object else "give --object as well"
+            raise InputError("it has no effect here", where=f"--{name}", fix=fix)
 
 
 def _validate_object(

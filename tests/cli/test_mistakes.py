@@ -25,6 +25,8 @@ from tests.scene.maps import write_exr
         (["validate", "x", "--out", "y", "--views", "many"], "--views"),
         (["validate", "x", "--out", "y", "--views", "10001"], "--views"),
         (["validate", "x", "--out", "y", "--samples", "0"], "--samples"),
+        (["validate", "x", "--out", "y", "--camera", "1,2,3"], "--camera"),
+        (["validate", "x", "--out", "y", "--object", "sphere", "--views", "3"], "--views"),
         (["validate", "x", "--out", "y", "--samples", str(10**30)], "--samples"),
         (["reconstruct", "x", "--view", "1,2,3", "--out", "y.exr", "--resolution", "big"], "--resolution"),
         (["--frobnicate"], "--frobnicate"),

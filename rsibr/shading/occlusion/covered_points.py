@@ -18,7 +18,7 @@ from rsibr.shading.occlusion.surface_points import SurfacePoints
 RAYS = 32
 """Cosine-weighted rays by which a point is judged."""
 
-COVERED = 0.75
+COVERED = 0.6
 """Share of the rays that are stopped within the distance to the next points from which a point is covered."""
 
 _PASSES = 16  # from the edge of what is covered inward
