@@ -15,6 +15,9 @@ from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.shading.camera import Camera
 
+_LIFT = 1e-4  # of the scene's radius
+_LIFT_STEPS = 8  # of the largest coordinate in float32: hit points are off by a few
+
 
 @dataclass(eq=False)
 class ObjectScene:
@@ -72,3 +75,8 @@ class ObjectScene:
     def radius(self) -> float:
         """Radius of the bounding box's circumscribed sphere."""
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]) / 2)
+
+    @property
+    def lift(self) -> float:
+        """Distance above a surface at which rays from it start: more than it is off, far from the origin too."""
+        return max(_LIFT * self.radius, _LIFT_STEPS * float(np.spacing(np.abs(self.bounds).max().astype(np.float32))))

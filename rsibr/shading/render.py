@@ -25,6 +25,7 @@ from rsibr.shading.picture_file import Origin, write_picture
 from rsibr.shading.renderer import RAYS, ObjectRenderer, opened
 from rsibr.shading.scene_file import open_scene
 from rsibr.shading.surface_types import SurfaceTypes
+from rsibr.shading.view_check import view_notes
 from rsibr.store.bake import Bake
 from rsibr.store.image_kind import image_kind
 
@@ -99,7 +100,7 @@ class RenderJob:
         memory = sum(maps_memory(bake) for bake in bakes) + PIXEL_BYTES * camera.width * camera.height
         return JobSize(f"picture of {camera.width}×{camera.height}", memory=memory)
 
-    def picture(self, camera: Camera, *, rays: int | None = None, seed: int = 0) -> Picture:
+    def picture(self, camera: Camera, *, rays: int | None = None, seed: int = 0, is_single: bool = False) -> Picture:
         """Render all shapes: those with a bake from it, the others by path tracing.
 
         Parameters
@@ -110,6 +111,8 @@ class RenderJob:
             Rays a pixel, if others than the job's.
         seed : int
             Of the path tracing.
+        is_single : bool
+            Whether it is the only picture, which must show the object; see `rsibr.shading.view_check.view_notes`.
         """
         count = self.rays if rays is None else rays
         with backend.session():
@@ -117,7 +120,8 @@ class RenderJob:
             if self.renderer.types.unbaked(self.scene):
                 rest = path_traced_rest(self.scene, self.renderer.types, self.bakes, camera, count, seed)
                 made = with_rest(made, *rest)
-        return replace(made, notes=tuple(dict.fromkeys((*self.notes, *made.notes))))
+            seen = view_notes(made, self.scene, camera, is_single=is_single)
+        return replace(made, notes=tuple(dict.fromkeys((*self.notes, *seen, *made.notes))))
 
     def origin(self, camera: Camera) -> Origin:
         """What a picture of a camera is made of, for its header."""
@@ -191,8 +195,8 @@ def render(
     Raises
     ------
     InputError
-        If scene, shape ids, method, camera, size or file name are wrong, a shape without a bake is refused, or the
-        memory is too small.
+        If scene, shape ids, method, camera, size or file name are wrong, a shape without a bake is refused, the memory
+        is too small, nothing of the object is in the picture, or the camera is inside of it.
     BakeError
         If a bake cannot be read, or lacks something that the method requires.
 
@@ -212,7 +216,7 @@ def render(
         on_forecast(size)
     size.admit(out, allow_large)
     show(0, 1)
-    picture = job.picture(view)
+    picture = job.picture(view, is_single=True)
     if out is not None:
         write_picture(picture, out, exposure=factor, origin=job.origin(view))
     show(1, 1)

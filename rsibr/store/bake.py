@@ -14,7 +14,7 @@ from rsibr.store.consistency import BAKE_ANEW, check_manifest
 from rsibr.store.described_maps import DescribedMaps
 from rsibr.store.directory import BAKE_AGAIN
 from rsibr.store.integrity import altered, check_file, check_map
-from rsibr.store.light_file import LIGHT_NAME, decode_light, images_of
+from rsibr.store.light_file import LIGHT_NAME, decode_light, is_negative
 from rsibr.store.manifest import MANIFEST_NAME, read_manifest
 from rsibr.store.map_file import MapFile, decode_map
 from rsibr.store.map_header import MapHeader, check_header
@@ -81,9 +81,7 @@ class Bake(DescribedMaps):
         if self.manifest.light is None:
             raise BakeError("is missing: the bake was made before lights were kept", where=str(file), fix=BAKE_AGAIN)
         found = decode_light(_content(file, self.manifest.light.sha256), where=str(file))
-        if self.rendering == "rgb" and any(
-            image.min() < 0 for _, image in images_of(found)
-        ):  # spectra may leave Rec.709
+        if self.rendering == "rgb" and is_negative(found):  # spectra may leave Rec.709
             raise BakeError("holds negative radiance", where=str(file), fix=BAKE_ANEW)
         return found
 

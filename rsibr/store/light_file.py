@@ -17,7 +17,7 @@ Parts, in this order, by name:
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -84,16 +84,18 @@ def decode_light(data: bytes, where: str) -> Light:
             light = _light_of(parts)  # closing the file empties the headers
     except (LookupError, RuntimeError, ValueError, TypeError, OSError, AttributeError, MemoryError) as error:
         raise BakeError("is no light of rsibr, or is truncated or altered", where=where) from error
-    unsound = next((name for name, image in images_of(light) if not np.isfinite(image).all()), None)
+    unsound = next((name for name, (image, _) in _images(light).items() if not np.isfinite(image).all()), None)
     if unsound is not None:
         raise BakeError(f"is no light of rsibr: part {unsound} holds NaN or Inf", where=where)
     return light
 
 
-def images_of(light: Light) -> Iterator[tuple[str, NDArray[np.float32]]]:
-    """Name and pixels of each part of the file, in its order."""
-    for name, (image, _) in _images(light).items():
-        yield name, image
+def is_negative(light: Light) -> bool:
+    """Whether radiance or irradiance is negative anywhere."""
+    parts = {name: image for name, (image, _) in _images(light).items()}
+    if _DELTA in parts:
+        parts[_DELTA] = parts[_DELTA][1]  # the first row are directions
+    return any(bool((image < 0).any()) for image in parts.values())
 
 
 def _check_sizes(headers: list[dict[str, Any]]) -> None:

@@ -82,6 +82,15 @@ def test_bakes_under_different_light_are_noted(paint, tmp_path):
         rsibr.render(scene, {"left": paint, "right": lit}, resolution=8, rays=1)
 
 
+def test_a_picture_of_nothing_and_one_from_inside_are_refused(paint, tmp_path):
+    settings = {"resolution": 8, "rays": 1, "out": tmp_path / "a.exr", **PLAIN}
+    with pytest.raises(InputError, match="no ray meets 'sphere': it is behind the camera"):
+        rsibr.render("sphere", paint, camera={"position": (0, 0, 4), "target": (0, 0, 9)}, **settings)
+    with pytest.raises(InputError, match="it is inside 'sphere'"):
+        rsibr.render("sphere", paint, camera={"position": (0, 0, 0.5)}, **settings)
+    assert not (tmp_path / "a.exr").exists()
+
+
 def test_a_wrong_ending_is_told_before_the_work():
     with pytest.raises(InputError, match="jpg"):
         rsibr.render("gone.xml", "gone.rsibr", out="a.jpg")

@@ -156,3 +156,9 @@ def test_a_film_without_ffmpeg_is_refused_before_the_work(tmp_path, monkeypatch)
 def test_a_number_of_frames_out_of_range(tmp_path, frames):
     with pytest.raises(InputError, match="frames"):
         rsibr.render_sequence("gone.xml", "gone.rsibr", out=tmp_path / "a.exr", frames=frames)
+
+
+def test_frames_without_the_object_are_made_with_a_note(paint, tmp_path):  # noqa: F811
+    away = {"position": (0, 0, 4), "target": (9, 0, 4)}
+    made = rsibr.render_sequence("sphere", paint, out=tmp_path / "a.exr", frames=1, camera=away, **SETTINGS)
+    assert any("nothing of 'sphere' is seen" in note for note in made.notes)

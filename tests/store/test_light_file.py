@@ -19,7 +19,7 @@ from rsibr.light.radiance import Light
 from rsibr.lobes.proxy_ratio import NODES
 from rsibr.scene.orientation import rotation_about_y
 from rsibr.store.bake import BakeWriter, open_bake
-from rsibr.store.light_file import LIGHT_NAME, decode_light, encode_light
+from rsibr.store.light_file import LIGHT_NAME, decode_light, encode_light, is_negative
 from tests.store.synthetic import COUNT, SECONDS, baked, content, manifest
 from tests.store.test_store import damages
 
@@ -115,6 +115,13 @@ def test_lights_without_extent_come_back_and_damaged_ones_are_refused():
             decode_light(encode_light(replace(light(), delta=broken)), "x")
     with pytest.raises(BakeError, match="is no light of rsibr"):
         decode_light(encode_light(replace(light(), proxy_ratios={"glossy-0.1": table[1:]})), "x")
+
+
+def test_directions_of_lights_without_extent_may_be_negative_and_their_power_not():
+    down = np.float32([[0, -0.6, -0.8]])
+    assert not is_negative(replace(light(), delta=DeltaLights(down, np.float32([[1, 2, 0]]))))
+    assert is_negative(replace(light(), delta=DeltaLights(down, np.float32([[1, -2, 0]]))))
+    assert is_negative(Light(-light().picture))
 
 
 def test_what_the_file_holds_is_what_would_be_computed():

@@ -104,7 +104,7 @@ class ArrivingLight:
         values = np.ones((len(points), 3), np.float32)
         for group, light, more in zip(groups, sky, bounced, strict=True):
             values[group.rows] = ratio_of(light, more)
-        hidden = covered(scene.geometry, points, scene.radius)
+        hidden = covered(scene.geometry, points, scene.lift)
         ratio, exitant = (
             plain.holding(from_neighbours(field, hidden, points.corners))
             for field in (values, _exitant(points, groups, sky, bounced))
@@ -130,7 +130,7 @@ class _Group:
 
     def places(self, points: SurfacePoints, scene: ObjectScene) -> list[Places]:
         """Points on the device."""
-        return Places.of(points.positions[self.rows], points.normals[self.rows], scene.radius)
+        return Places.of(points.positions[self.rows], points.normals[self.rows], scene.lift)
 
 
 def _exitant(

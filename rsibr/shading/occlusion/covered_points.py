@@ -24,12 +24,12 @@ COVERED = 0.6
 _PASSES = 16  # from the edge of what is covered inward
 
 
-def covered(scene: mi.Scene, points: SurfacePoints, radius: float) -> NDArray[np.bool_]:
-    """Whether each point is covered, shape (N,); `radius` is that of the scene."""
+def covered(scene: mi.Scene, points: SurfacePoints, lift: float) -> NDArray[np.bool_]:
+    """Whether each point is covered, shape (N,); `lift` is that of the scene."""
     reach = _reach(points)
     found = [np.zeros(0, np.bool_)]
     first = 0
-    for part in Places.of(points.positions, points.normals, radius):
+    for part in Places.of(points.positions, points.normals, lift):
         size = dr.width(part.p)
         found.append(_stopped(scene, part, to_device(mi.Float, reach[first : first + size])) >= COVERED * RAYS)
         first += size

@@ -18,8 +18,6 @@ from rsibr.shading.occlusion.sky import Sky
 LANES = 2**18
 """Points of one kernel launch."""
 
-_LIFT = 1e-4  # of the scene's radius: how far rays start above a point
-
 
 @dataclass(eq=False)
 class Places:
@@ -37,13 +35,13 @@ class Places:
     n: mi.Vector3f
 
     @classmethod
-    def of(cls, positions: NDArray[np.float32], normals: NDArray[np.float32], radius: float) -> list[Places]:
-        """Put points on the device, `LANES` at a time; `radius` is that of the scene."""
+    def of(cls, positions: NDArray[np.float32], normals: NDArray[np.float32], lift: float) -> list[Places]:
+        """Put points on the device, `LANES` at a time; `lift` is that of the scene."""
         parts = []
         for first in range(0, len(positions), LANES):
             rows = slice(first, first + LANES)
             n = normals[rows]
-            p = positions[rows] + np.float32(_LIFT * radius) * n
+            p = positions[rows] + np.float32(lift) * n
             parts.append(cls(mi.Point3f(*_columns(p)), mi.Vector3f(*_columns(n))))
         return parts
 

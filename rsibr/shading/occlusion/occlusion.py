@@ -24,8 +24,6 @@ from rsibr.shading.occlusion.material_parts import MaterialParts
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.shading.surfaces import Surfaces
 
-_LIFT = 1e-4  # of the scene's radius: start of the mirror ray
-
 
 @dataclass(eq=False)
 class Occlusion:
@@ -65,7 +63,7 @@ class Occlusion:
         """Prepare the occlusion of a scene; parameters as of `ArrivingLight.of`."""
         arriving = ArrivingLight.of(scene, types, inputs, bounces=bounces, rays=rays)
         parts = [MaterialParts.of(one) for one in inputs]
-        return cls(scene.geometry, arriving, parts, dr.opaque(mi.Float, _LIFT * scene.radius), gloss)
+        return cls(scene.geometry, arriving, parts, dr.opaque(mi.Float, scene.lift), gloss)
 
     def shading(self, shade: Shade, type: int) -> Shade:
         """Shading of one surface type past the other surfaces.

@@ -105,7 +105,7 @@ def _of_type(scene: ObjectScene, seen: Surfaces, chosen: NDArray[np.bool_], inpu
         return TypeVisibility(parts.is_metal, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     # ---- What is hidden ----
     p, n, v, facing = (np.array(rows, np.float64).T[chosen] for rows in (seen.p, seen.n, seen.v, seen.facing))
-    places = Places.of(_single(p), _single(n), scene.radius)
+    places = Places.of(_single(p), _single(n), scene.lift)
     light = gathered(scene.geometry, places, Sky.of(inputs.light), SKY_RAYS)
     mirror = 2 * n * (n * v).sum(axis=1, keepdims=True) - v
     above = (mirror * facing).sum(axis=1) > 0
@@ -159,7 +159,7 @@ def _gloss_width(inputs: MethodInputs) -> float:
 
 
 def _lifted(scene: ObjectScene, p: Array, facing: Array) -> mi.Point3f:
-    return mi.Point3f(*_on_device(p + 1e-4 * scene.radius * facing))
+    return mi.Point3f(*_on_device(p + scene.lift * facing))
 
 
 def _relative(estimate: Array, truth: Array) -> float:

@@ -34,7 +34,7 @@ def test_what_lies_under_a_plate_is_covered(up):
     floor, plate = sheet(0, 1, SIDE), sheet(0.01, 0.52, 2, up)
     scene = backend.load({"type": "scene", "floor": floor, "plate": plate})
     points = SurfacePoints.of({"floor": floor}, ["floor"], 20)  # vertices alone
-    found = covered(scene, points, radius=1.5)
+    found = covered(scene, points, lift=1.5e-4)
     place = np.abs(points.positions[:, [0, 2]]).max(axis=1)
     assert found[place < 0.4].all()
     assert not found[place > 0.6].any()
@@ -44,7 +44,7 @@ def test_a_far_ceiling_covers_nothing():
     floor, ceiling = sheet(0, 1, SIDE), sheet(0.6, 5, 2)
     scene = backend.load({"type": "scene", "floor": floor, "ceiling": ceiling})
     points = SurfacePoints.of({"floor": floor}, ["floor"], 20)  # vertices alone
-    assert not covered(scene, points, radius=5).any()
+    assert not covered(scene, points, lift=5e-4).any()
 
 
 def test_covered_values_come_from_the_edge_inward():

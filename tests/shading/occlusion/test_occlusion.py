@@ -108,3 +108,13 @@ def test_bad_normals_stay_finite():
     assert np.isfinite(ratio).all()
     assert ratio.min() >= 0
     assert ratio.max() < 1.1
+
+
+@pytest.mark.parametrize("away", [1e3, 1e4])
+def test_a_place_far_from_the_origin_hides_nothing_more(away):
+    near, far = (ObjectScene("torus", {"torus": mesh_of(torus().apply_translation((x, -x, x)))}) for x in (0.0, away))
+    mean = [
+        occluded(scene, seen(scene, np.add((0, 1, 4), at), at), 0.5, 0.1).mean()
+        for scene, at in ((near, np.zeros(3)), (far, np.array([away, -away, away])))
+    ]
+    assert mean[1] == pytest.approx(mean[0], rel=0.01)

@@ -29,7 +29,7 @@ def test_open_irradiance_is_that_of_the_picture(rng):
     n = rng.normal(size=(50, 3))
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     far = scene_of(torus=torus())
-    found = gathered(far.geometry, Places.of((100 * n).astype(np.float32), n.astype(np.float32), 1.0), sky, 1024)
+    found = gathered(far.geometry, Places.of((100 * n).astype(np.float32), n.astype(np.float32), 1e-4), sky, 1024)
     d, solid = np.array(texel_directions(64), np.float64).T, texel_solid_angles(64)
     expected = np.einsum("nt,tc->nc", np.maximum(n @ d.T, 0), picture.reshape(-1, 3) * solid[:, None])
     expected += np.maximum(n[:, 2:], 0) * [2.0, 1.0, 0.5]
