@@ -25,8 +25,6 @@ from tests.scene.maps import write_exr
         (["validate", "x", "--out", "y", "--views", "many"], "--views"),
         (["validate", "x", "--out", "y", "--views", "10001"], "--views"),
         (["validate", "x", "--out", "y", "--samples", "0"], "--samples"),
-        (["validate", "x", "--out", "y", "--camera", "1,2,3"], "--camera"),
-        (["validate", "x", "--out", "y", "--object", "sphere", "--views", "3"], "--views"),
         (["validate", "x", "--out", "y", "--samples", str(10**30)], "--samples"),
         (["reconstruct", "x", "--view", "1,2,3", "--out", "y.exr", "--resolution", "big"], "--resolution"),
         (["--frobnicate"], "--frobnicate"),
@@ -259,3 +257,11 @@ def test_a_bug_of_ours_is_no_users_mistake(shell, config, tmp_path, monkeypatch)
 
 def test_lobes_that_are_not_there(shell, baked, tmp_path):
     shell.refuses("validate", baked, "--out", tmp_path / "x", "--lobes", "--json", says="--lobes")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--camera", "1,2,3"], ["--rays", "4"], ["--object", "sphere", "--views", "3"], ["--object", "sphere", "--lobes"]],
+)
+def test_validate_refuses_options_of_its_other_kind(shell, tmp_path, arguments):
+    shell.refuses("validate", "x", "--out", tmp_path / "y", *arguments, says="it has no effect here")
