@@ -52,15 +52,21 @@ def chosen_camera(
     size = None if resolution is None else _size(resolution)
     if isinstance(camera, Camera):
         return camera if size is None else camera.resized(*size)
-    if camera is not None and not isinstance(camera, Mapping):
-        fix = "give a mapping, such as {'position': (3, 1, 4)}"
-        raise InputError(f"{camera!r} is neither a Camera nor a mapping", where="camera", fix=fix)
-    given = {} if camera is None else dict(camera)
+    given = _mapping(camera)
     _check_keys(given)
     if scene.camera is not None and not given.keys() - {"fov_deg"}:
         own = replace(scene.camera, fov_deg=_fov(given, scene.camera.fov_deg))
         return own if size is None else own.resized(*size)
     return _looking(scene, given, size or (SIDE, SIDE))
+
+
+def _mapping(camera: object) -> dict[str, Any]:
+    if camera is None:
+        return {}
+    if not isinstance(camera, Mapping):
+        fix = "give a mapping, such as {'position': (3, 1, 4)}"
+        raise InputError(f"{camera!r} is neither a Camera nor a mapping", where="camera", fix=fix)
+    return dict(camera)
 
 
 def _looking(scene: ObjectScene, given: Mapping[str, Any], size: tuple[int, int]) -> Camera:
