@@ -75,7 +75,7 @@ def test_glass_shows_an_even_environment_through_it(even, glass):
     assert middle.sum() > 20
     outer = radiance[middle] / RADIANCE  # what reaches the baked sphere by a detour comes back darker
     assert np.median(outer) == pytest.approx(1, abs=0.03)
-    assert outer.max() <= 1.001
+    assert outer.max() <= 1.02  # Russian roulette of long paths inside the glass is noise
 
 
 def test_a_baked_shape_behind_an_invisible_pane_has_its_material(even):
