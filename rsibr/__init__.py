@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from rsibr.resources import configs as configs
     from rsibr.scene.config import load_config as load_config
     from rsibr.shading.integrator import register_plugins as register_plugins
+    from rsibr.shading.pictures.sequence import render_sequence as render_sequence
     from rsibr.shading.render import render as render
-    from rsibr.shading.sequence import render_sequence as render_sequence
     from rsibr.store.bake import open_bake as open_bake
     from rsibr.studies import figures as plots
     from rsibr.studies.runner import study as study
@@ -60,7 +60,7 @@ _HOME = {
     "register": "rsibr.methods.registry",
     "register_plugins": "rsibr.shading.integrator",
     "render": "rsibr.shading.render",
-    "render_sequence": "rsibr.shading.sequence",
+    "render_sequence": "rsibr.shading.pictures.sequence",
     "study": "rsibr.studies.runner",
     "timed": "rsibr.validation.validation",
     "validate": "rsibr.validation.validation",

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import trimesh
 
-from rsibr.shading.scene_file import open_scene
+from rsibr.shading.scenes.scene_file import open_scene
 
 Case = Callable[[], object]
 

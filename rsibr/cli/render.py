@@ -16,8 +16,8 @@ from rsibr.cli.options import Imports, Json, Lookup, Yes, check_output_file, imp
 from rsibr.errors import InputError, printable
 
 if TYPE_CHECKING:
-    from rsibr.shading.picture import Picture
-    from rsibr.shading.sequence import RenderedSequence
+    from rsibr.shading.pictures.picture import Picture
+    from rsibr.shading.pictures.sequence import RenderedSequence
 
 _LONGEST_SHOWN = 100
 
@@ -102,7 +102,7 @@ class Asked:
 
     def sequence(self, **given: Any) -> RenderedSequence:
         """Render a sequence."""
-        from rsibr.shading.sequence import render_sequence as run
+        from rsibr.shading.pictures.sequence import render_sequence as run
 
         return run(self.scene, self.bakes, out=self.out, camera=self.camera, resolution=self.resolution, **given)
 

@@ -122,7 +122,7 @@ def _validate_object(
     from rsibr import backend
     from rsibr.cli.console import step_progress
     from rsibr.cli.job import note_job
-    from rsibr.shading.scene_file import open_scene
+    from rsibr.shading.scenes.scene_file import open_scene
     from rsibr.validation.objects.validation import validate_object
     from rsibr.validation.objects.view import object_camera
 

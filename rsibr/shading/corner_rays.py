@@ -5,7 +5,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from rsibr.shading.camera import CameraRays
+from rsibr.shading.cameras.camera import CameraRays
 from rsibr.shading.footprint import Footprint
 from rsibr.shading.surfaces import LEAST_COSINE, Surfaces, above_horizon, first_surfaces
 

@@ -8,12 +8,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from rsibr.shading.camera import Camera, CameraRays
+from rsibr.shading.cameras.camera import Camera, CameraRays
 from rsibr.shading.corner_rays import footprint
 from rsibr.shading.lookups.registry import Shade
-from rsibr.shading.object_scene import ObjectScene
-from rsibr.shading.picture import NormalCounts, Picture
+from rsibr.shading.pictures.picture import NormalCounts, Picture
 from rsibr.shading.pixel_lattice import place_in_pixel, place_steps
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.shading.surfaces import Surfaces, first_surfaces
 

@@ -26,12 +26,12 @@ from rsibr.methods.method_set import require_served
 from rsibr.methods.registry import default_method, registration
 from rsibr.scene import blend
 from rsibr.scene.paint import car_paint
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.effects.registry import check_switches
 from rsibr.shading.lookups.registry import Shade, lookup_named
-from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.renderer import ObjectRenderer
 from rsibr.shading.rgb_spectrum import RgbSpectrum
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import UNBAKED
 from rsibr.shading.surfaces import Surfaces, surfaces_at
 from rsibr.store.bake import Bake, open_bake

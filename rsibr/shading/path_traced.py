@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.errors import InputError
-from rsibr.shading.camera import Camera, CameraRays
+from rsibr.shading.cameras.camera import Camera, CameraRays
 from rsibr.shading.film import PIXELS_PER_LAUNCH
-from rsibr.shading.lit_scene import lit_scene
-from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.pixel_lattice import place_in_pixel, place_steps
+from rsibr.shading.scenes.lit_scene import lit_scene
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import UNBAKED, SurfaceTypes
 from rsibr.shading.surfaces import first_surfaces
 from rsibr.store.bake import Bake
@@ -82,7 +82,7 @@ def path_traced_rest(
     Raises
     ------
     InputError, BakeError
-        As `rsibr.shading.lit_scene.lit_scene`.
+        As `rsibr.shading.scenes.lit_scene.lit_scene`.
 
     Examples
     --------

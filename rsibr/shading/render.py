@@ -15,17 +15,17 @@ from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.job_size import JobSize
 from rsibr.methods.job import maps_memory
-from rsibr.shading.camera import Camera
-from rsibr.shading.camera_choice import chosen_camera
-from rsibr.shading.lit_scene import require_one_light
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.cameras.camera_choice import chosen_camera
+from rsibr.shading.cameras.view_check import view_notes
 from rsibr.shading.path_traced import path_traced_rest, unbaked_refusal
-from rsibr.shading.picture import Picture
-from rsibr.shading.picture_file import Origin, write_picture
+from rsibr.shading.pictures.picture import Picture
+from rsibr.shading.pictures.picture_file import Origin, write_picture
 from rsibr.shading.renderer import RAYS, ObjectRenderer, opened
-from rsibr.shading.scene_file import open_scene
+from rsibr.shading.scenes.lit_scene import require_one_light
+from rsibr.shading.scenes.object_scene import ObjectScene
+from rsibr.shading.scenes.scene_file import open_scene
 from rsibr.shading.surface_types import SurfaceTypes
-from rsibr.shading.view_check import view_notes
 from rsibr.store.bake import Bake
 from rsibr.store.image_kind import image_kind
 
@@ -112,7 +112,7 @@ class RenderJob:
         seed : int
             Of the path tracing.
         is_single : bool
-            Whether it is the only picture, which must show the object; see `rsibr.shading.view_check.view_notes`.
+            Whether it is the only picture, which must show the object; see `view_notes`.
         """
         count = self.rays if rays is None else rays
         with backend.session():
@@ -177,7 +177,7 @@ def render(
     strict : bool
         Refuse shapes without a bake. By default they are path-traced under the bakes' environment.
     out : path, optional
-        File to write, `.exr` or `.png`; see `rsibr.shading.picture_file.write_picture`.
+        File to write, `.exr` or `.png`; see `rsibr.shading.pictures.picture_file.write_picture`.
     exposure : float, optional
         Exposure of a PNG [stops]: 0 shows radiance 1 as white. By default chosen from the picture.
     on_progress : callable, optional

@@ -14,17 +14,17 @@ from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.registry import default_method
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.effects.evidence import Evidence, SceneEvidence
 from rsibr.shading.effects.object_plan import ObjectPlan
 from rsibr.shading.effects.perspective import lookup_for
 from rsibr.shading.effects.registry import SWITCHES, check_switches
 from rsibr.shading.film import developed
 from rsibr.shading.lookups.registry import Lookup, Shade, lookup_named
-from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.occlusion.arriving import BOUNCES
 from rsibr.shading.occlusion.occlusion import Occlusion
-from rsibr.shading.picture import Picture
+from rsibr.shading.pictures.picture import Picture
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.store.bake import Bake, open_bake
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from rsibr.errors import InputError
 from rsibr.geometry.to_device import to_device
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surfaces import Surfaces
 
 UNBAKED = 2**32 - 1

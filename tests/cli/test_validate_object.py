@@ -13,15 +13,15 @@ import pytest
 from rsibr.cli.named_bakes import named_bakes
 from rsibr.cli.options import parse_resolution
 from rsibr.errors import InputError
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.object_scene import ObjectScene
 
 
 @pytest.fixture
 def scene(monkeypatch):
     """Make `open_scene` give a sphere for any source."""
-    module = ModuleType("rsibr.shading.scene_file")
+    module = ModuleType("rsibr.shading.scenes.scene_file")
     module.open_scene = lambda source: ObjectScene(source, {"ball": mi.load_dict({"type": "sphere"})})
-    monkeypatch.setitem(sys.modules, "rsibr.shading.scene_file", module)
+    monkeypatch.setitem(sys.modules, "rsibr.shading.scenes.scene_file", module)
     return "ball.ply"
 
 

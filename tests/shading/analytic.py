@@ -6,10 +6,10 @@ import numpy as np
 
 from rsibr import backend
 from rsibr.methods.protocol import PointwiseMethod
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.film import developed
 from rsibr.shading.lookups.registry import lookup_named
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 
 DISTANCE = 5.0

@@ -9,10 +9,10 @@ import trimesh
 from numpy.typing import NDArray
 
 from rsibr.resources import scenes
-from rsibr.shading.mesh_file import as_shape
-from rsibr.shading.mesh_repair import TriangleMesh
-from rsibr.shading.object_scene import ObjectScene
-from rsibr.shading.scene_file import open_scene
+from rsibr.shading.scenes.mesh_file import as_shape
+from rsibr.shading.scenes.mesh_repair import TriangleMesh
+from rsibr.shading.scenes.object_scene import ObjectScene
+from rsibr.shading.scenes.scene_file import open_scene
 
 
 def torus_mesh(rows: int = 96, columns: int = 48, radius: float = 1.0, tube: float = 0.4) -> TriangleMesh:

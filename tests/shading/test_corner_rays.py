@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rsibr import backend
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.corner_rays import CORNERS, footprint
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surfaces import LEAST_COSINE, first_surfaces
 from tests.shading.analytic import DISTANCE, ball_scene, centres, directions, framing, on_ball
 

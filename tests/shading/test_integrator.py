@@ -13,10 +13,10 @@ from rsibr import backend
 from rsibr.baking.baker import bake
 from rsibr.methods.method_set import MethodSet
 from rsibr.scene.config import parse_config
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.integrator import register_plugins
-from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.renderer import ObjectRenderer
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import UNBAKED, SurfaceTypes
 from rsibr.shading.surfaces import first_surfaces
 from rsibr.store.bake import open_bake

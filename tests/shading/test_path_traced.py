@@ -9,10 +9,10 @@ import pytest
 from rsibr import backend
 from rsibr.baking.baker import bake
 from rsibr.scene.config import parse_config
-from rsibr.shading.camera import Camera
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.path_traced import path_traced_rest, unbaked_refusal
 from rsibr.shading.renderer import ObjectRenderer
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.shading.surfaces import first_surfaces
 from rsibr.store.bake import open_bake

@@ -12,11 +12,11 @@ import pytest
 import rsibr
 from rsibr.baking.baker import bake
 from rsibr.errors import InputError
-from rsibr.shading.camera import Camera
-from rsibr.shading.camera_choice import chosen_camera
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.cameras.camera_choice import chosen_camera
 from rsibr.shading.render import with_rest
-from tests.shading.test_picture_file import picture
+from rsibr.shading.scenes.object_scene import ObjectScene
+from tests.shading.pictures.test_picture_file import picture
 
 FURNACE = {
     "environment": {"emitter": {"type": "constant", "radiance": 0.5}},

@@ -6,7 +6,7 @@ import trimesh
 
 from rsibr.baking.baker import bake
 from rsibr.errors import InputError
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.renderer import ObjectRenderer
 from tests.shading.occlusion.objects import scene_of, torus
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rsibr.errors import InputError
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import UNBAKED, SurfaceTypes
 from rsibr.shading.surfaces import first_surfaces
 

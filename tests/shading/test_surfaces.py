@@ -7,9 +7,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.shading.mesh_file import as_shape
-from rsibr.shading.mesh_repair import TriangleMesh
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.mesh_file import as_shape
+from rsibr.shading.scenes.mesh_repair import TriangleMesh
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surfaces import LEAST_COSINE, above_horizon, first_surfaces
 
 TRIANGLE = np.array([[-1.0, -1, 0], [2, -1, 0], [-1, 2, 0]])  # in the plane z = 0, facing +z

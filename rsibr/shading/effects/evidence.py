@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from rsibr.methods.inputs import MethodInputs
-from rsibr.shading.camera import Camera
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.occlusion.self_visibility import TypeVisibility, self_visibility
-from rsibr.shading.picture import NormalCounts
+from rsibr.shading.pictures.picture import NormalCounts
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 
 

@@ -6,13 +6,13 @@ import mitsuba as mi
 
 from rsibr.errors import InputError
 from rsibr.methods.protocol import Method
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.lookups.registry import Shade, register_lookup
 from rsibr.shading.maps.indexing import BY_NORMAL, BY_REFLECTION, Patch
 from rsibr.shading.maps.maker import RESOLUTION, MapMaker
 from rsibr.shading.maps.map_filter import filter_named
 from rsibr.shading.maps.view_grid import ViewGrid
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surfaces import Surfaces
 
 _INDEXINGS = {"reflection": BY_REFLECTION, "normal": BY_NORMAL}

@@ -9,7 +9,7 @@ from rsibr.shading.lookups.registry import register_lookup
 from rsibr.shading.maps.indexing import BY_NORMAL
 from rsibr.shading.maps.maker import RESOLUTION
 from rsibr.shading.maps.mixed_chain import BY_NORMAL_OF_ALL, MixedChain
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.object_scene import ObjectScene
 
 
 @register_lookup("map-normal", summary="one map of the view direction, by the normal")

@@ -10,7 +10,7 @@ from rsibr.shading.lookups.one_map import OneMap
 from rsibr.shading.lookups.registry import register_lookup
 from rsibr.shading.maps.indexing import BY_REFLECTION
 from rsibr.shading.maps.maker import RESOLUTION
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.object_scene import ObjectScene
 
 
 @register_lookup("map-reflection", summary="one map of the view direction, by the reflection of each pixel's view")

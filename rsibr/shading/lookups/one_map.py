@@ -5,7 +5,7 @@ from __future__ import annotations
 import mitsuba as mi
 
 from rsibr.methods.protocol import Method
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.lookups.registry import Shade
 from rsibr.shading.maps.indexing import Indexing, Patch
 from rsibr.shading.maps.maker import MapMaker

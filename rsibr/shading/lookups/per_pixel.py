@@ -8,9 +8,9 @@ from typing import ClassVar
 import mitsuba as mi
 
 from rsibr.methods.protocol import Method
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.lookups.registry import Shade, register_lookup
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surfaces import Surfaces
 
 

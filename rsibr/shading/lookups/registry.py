@@ -17,7 +17,7 @@ from typing import Any, Protocol, TypeVar
 import mitsuba as mi
 
 from rsibr.errors import InputError
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.surfaces import Surfaces
 
 Shade = Callable[["Surfaces"], "mi.Color3f"]

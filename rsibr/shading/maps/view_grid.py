@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from rsibr.geometry.bilinear import BilinearCell
 from rsibr.geometry.to_device import to_device
-from rsibr.shading.camera import Camera
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.scenes.object_scene import ObjectScene
 
 SPACING_DEG = 10.0
 """Angle between neighbouring views at most, unless that takes more than `MOST` of them a side: 5 for 40°."""

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.methods.inputs import MethodInputs
-from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.occlusion.covered_points import covered, from_neighbours
 from rsibr.shading.occlusion.gathering import Irradiance, Places, gathered, ratio_of, reflected
 from rsibr.shading.occlusion.material_parts import MaterialParts
 from rsibr.shading.occlusion.point_field import PointField
 from rsibr.shading.occlusion.sky import Sky
 from rsibr.shading.occlusion.surface_points import SurfacePoints
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 
 RAYS = 256

@@ -18,9 +18,9 @@ import mitsuba as mi
 
 from rsibr.methods.inputs import MethodInputs
 from rsibr.shading.lookups.registry import Shade
-from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.occlusion.arriving import BOUNCES, RAYS, ArrivingLight
 from rsibr.shading.occlusion.material_parts import MaterialParts
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.shading.surfaces import Surfaces
 

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from rsibr.geometry.to_device import to_device
 from rsibr.methods.inputs import MethodInputs
 from rsibr.planning.model import SECOND_MOMENT
-from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.occlusion.gathering import Places, gathered, ratio_of
 from rsibr.shading.occlusion.material_parts import MaterialParts
 from rsibr.shading.occlusion.sky import Sky
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.shading.surfaces import Surfaces, first_surfaces
 

@@ -18,7 +18,7 @@ import mitsuba as mi
 from rsibr import backend
 from rsibr.baking.scene import Scene
 from rsibr.geometry.to_device import to_device
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.surfaces import Surfaces, above_horizon
 
 Estimator = Callable[["mi.Ray3f", "Surfaces", "mi.UInt32", "mi.Sampler"], "mi.Color3f"]

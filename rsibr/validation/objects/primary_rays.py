@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.to_device import to_device
-from rsibr.shading.camera import Camera, CameraRays
+from rsibr.shading.cameras.camera import Camera, CameraRays
 from rsibr.shading.film import developed
-from rsibr.shading.object_scene import ObjectScene
-from rsibr.shading.picture import Picture
+from rsibr.shading.pictures.picture import Picture
 from rsibr.shading.pixel_lattice import place_in_pixel, place_steps
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.shading.surfaces import Surfaces, first_surfaces
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.effects.object_plan import ObjectPlan
-from rsibr.shading.picture import Picture
+from rsibr.shading.pictures.picture import Picture
 from rsibr.validation.estimate import Estimate
 from rsibr.validation.flip import Exposures
 from rsibr.validation.objects.causes import Cause, Truths

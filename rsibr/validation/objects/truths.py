@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.baking.scene import Scene
 from rsibr.geometry.to_device import to_device
-from rsibr.shading.lit_scene import lit_scene
+from rsibr.shading.scenes.lit_scene import lit_scene
 from rsibr.store.bake import Bake
 from rsibr.validation.objects.estimators import Estimator, one_map, open_shading, open_spheres, traced
 from rsibr.validation.objects.primary_rays import LANES_PER_LAUNCH, PrimaryRays

@@ -11,11 +11,11 @@ from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.job_size import JobSize
 from rsibr.methods.registry import available, method_names, registration
-from rsibr.shading.camera import Camera
-from rsibr.shading.lit_scene import prepared_scenes, require_one_light
-from rsibr.shading.object_scene import ObjectScene
-from rsibr.shading.picture import Image, Picture
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.pictures.picture import Image, Picture
 from rsibr.shading.renderer import RAYS, ObjectRenderer, opened
+from rsibr.shading.scenes.lit_scene import prepared_scenes, require_one_light
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.store.bake import Bake
 from rsibr.validation.flip import Exposures, exposures_for

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
-from rsibr.shading.camera import Camera
-from rsibr.shading.fitted_camera import fitted_camera
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.cameras.fitted_camera import fitted_camera
+from rsibr.shading.scenes.object_scene import ObjectScene
 
 SIDE = 256
 """Pixels a side where none are given: enough for errors, and minutes of path tracing less than a picture to look at."""

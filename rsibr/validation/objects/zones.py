@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.shading.camera import Camera
-from rsibr.shading.picture import Picture
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.pictures.picture import Picture
 
 ZONES = ("silhouette", "curved", "flat")
 """Each covered pixel is in one."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.effects.evidence import Evidence, SceneEvidence
 from rsibr.shading.surface_types import SurfaceTypes
 from tests.shading.occlusion.objects import constant_light, inputs_of, scene_of, torus

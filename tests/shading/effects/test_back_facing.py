@@ -3,7 +3,7 @@
 import pytest
 
 from rsibr.shading.effects.back_facing import back_facing
-from rsibr.shading.picture import NormalCounts
+from rsibr.shading.pictures.picture import NormalCounts
 
 
 def test_counts_are_told(evidence):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.effects.evidence import Evidence
 from rsibr.shading.effects.perspective import GRID_SPREAD, ONE_MAP_SPREAD, lookup_for, perspective, spread
 from rsibr.shading.lookups import registry

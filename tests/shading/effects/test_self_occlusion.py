@@ -2,7 +2,7 @@
 
 import trimesh
 
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.effects.evidence import Evidence, SceneEvidence
 from rsibr.shading.effects.self_occlusion import self_occlusion
 from rsibr.shading.surface_types import SurfaceTypes

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsibr.errors import InputError
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.lookups.registry import lookup_named, lookups
 from tests.shading.analytic import Method, ball_scene, constant, framing, mirror, pictured, slanted, sun
 

@@ -2,7 +2,7 @@ import mitsuba as mi
 import numpy as np
 
 from rsibr.geometry.frame import view_frame
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.maps.mixed_chain import MixedChain
 from tests.arrays import disk_grid
 from tests.shading.analytic import Method, pictured, slanted

@@ -3,7 +3,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.maps.view_grid import ViewGrid, seen_window
 from tests.arrays import to_numpy, vector
 from tests.shading.analytic import TANGENT, ball_scene, framing

@@ -9,7 +9,7 @@ import trimesh
 from rsibr.light.radiance import Light
 from rsibr.lobes.albedo import NODES
 from rsibr.methods.inputs import MethodInputs
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.store.manifest import GaussianRecord, LobeRecord, ProxyRecord, ShapeRecord
 
 

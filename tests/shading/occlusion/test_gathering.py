@@ -6,11 +6,11 @@ import pytest
 import trimesh
 
 from rsibr.light.radiance import Light
-from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.occlusion.gathering import Places, gathered, ratio_of, reflected
 from rsibr.shading.occlusion.point_field import PointField
 from rsibr.shading.occlusion.sky import Sky
 from rsibr.shading.occlusion.surface_points import SurfacePoints
+from rsibr.shading.scenes.object_scene import ObjectScene
 from tests.shading.occlusion.objects import constant_light, mesh_of
 
 RAYS = 1024

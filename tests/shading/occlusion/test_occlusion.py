@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.occlusion.occlusion import Occlusion
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.shading.surfaces import first_surfaces
 from tests.shading.occlusion.objects import constant_light, inputs_of, mesh_of, torus

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.occlusion.point_field import PointField
 from rsibr.shading.occlusion.surface_points import SurfacePoints
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surfaces import first_surfaces
 from tests.shading.occlusion.objects import mesh_of
 

@@ -3,8 +3,8 @@
 import pytest
 import trimesh
 
-from rsibr.shading.object_scene import ObjectScene
 from rsibr.shading.occlusion.self_visibility import self_visibility
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 from tests.shading.occlusion.objects import constant_light, inputs_of, mesh_of, scene_of, torus
 

@@ -9,8 +9,8 @@ import mitsuba as mi
 import numpy as np
 
 from rsibr import backend
-from rsibr.shading.camera import Camera
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.validation.objects.primary_rays import PrimaryRays
 from rsibr.validation.objects.truths import ObjectTruths

@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from rsibr.geometry.frame import view_frame
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.validation.metrics import relative_mse_of_samples
 from rsibr.validation.reference import render_reference

@@ -11,10 +11,10 @@ import pytest
 
 from rsibr.baking.baker import bake
 from rsibr.errors import InputError
-from rsibr.shading.camera import Camera
-from rsibr.shading.object_scene import ObjectScene
-from rsibr.shading.picture import Picture
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.pictures.picture import Picture
 from rsibr.shading.renderer import ObjectRenderer
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.validation.objects import validation as module
 from rsibr.validation.objects.validation import validate_object
 from rsibr.validation.objects.view import object_camera

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.validation.objects.zones import ZONES, turns, zones_of
 from tests.validation.doubles import GREY_SKY
 from tests.validation.objects.doubles import LAMBERT, mesh, square, truths_of

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from rsibr.planning.plan import Effect
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.effects.object_plan import ObjectPlan
-from rsibr.shading.picture import NormalCounts, Picture
+from rsibr.shading.pictures.picture import NormalCounts, Picture
 from rsibr.validation.flip import exposures_for
 from rsibr.validation.objects.causes import Truths, causes_of
 from rsibr.validation.objects.object_error import object_error

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr.errors import InputError
-from rsibr.shading.camera import Camera
-from rsibr.shading.fitted_camera import THREE_QUARTER, fitted_camera
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.cameras.fitted_camera import THREE_QUARTER, fitted_camera
+from rsibr.shading.scenes.object_scene import ObjectScene
 
 SIDE = 512
 """Pixels a side where neither the user nor the scene says."""

@@ -10,9 +10,9 @@ import numpy as np
 from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.regular_file import is_file
-from rsibr.shading.mesh_file import SUFFIXES, load_meshes
-from rsibr.shading.mitsuba_scene import load_scene
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.mesh_file import SUFFIXES, load_meshes
+from rsibr.shading.scenes.mitsuba_scene import load_scene
+from rsibr.shading.scenes.object_scene import ObjectScene
 
 SPHERE = "sphere"
 """Source that stands for the unit sphere around the origin."""

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from rsibr.errors import InputError
-from rsibr.shading.mesh_repair import TriangleMesh, repaired
+from rsibr.shading.scenes.mesh_repair import TriangleMesh, repaired
 from tests.shading.conftest import torus_mesh
 
 

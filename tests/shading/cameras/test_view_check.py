@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from rsibr.errors import InputError
-from rsibr.shading.camera import Camera
-from rsibr.shading.fitted_camera import fitted_camera
-from rsibr.shading.mesh_file import as_shape
-from rsibr.shading.mesh_repair import TriangleMesh
-from rsibr.shading.object_scene import ObjectScene
-from rsibr.shading.picture import NormalCounts, Picture
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.cameras.fitted_camera import fitted_camera
+from rsibr.shading.cameras.view_check import view_notes
+from rsibr.shading.pictures.picture import NormalCounts, Picture
+from rsibr.shading.scenes.mesh_file import as_shape
+from rsibr.shading.scenes.mesh_repair import TriangleMesh
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surfaces import first_surfaces
-from rsibr.shading.view_check import view_notes
 from tests.shading.conftest import scene_of, torus_mesh
 
 

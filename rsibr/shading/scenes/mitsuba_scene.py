@@ -23,14 +23,14 @@ from rsibr.scene.mitsuba_bsdf import parser_config, replace_plugins, require_nes
 from rsibr.scene.plugin import mitsuba_errors
 from rsibr.scene.trial import require_survival_of, warn_untried
 from rsibr.scene.xml_files import XmlFiles
-from rsibr.shading.camera import Camera
-from rsibr.shading.unique_name import unique_name
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.scenes.unique_name import unique_name
 
 SceneSource = dict[str, Any] | Path | str
 """Mitsuba scene: a dictionary, path of an XML file, or text of one whose relative names start at the working folder."""
 
 _FIX = "see Mitsuba's plugin reference"
-_TRIAL = "rsibr.shading.scene_trial_child"
+_TRIAL = "rsibr.shading.scenes.scene_trial_child"
 _PERSPECTIVE = ("perspective", "thinlens")
 _ROUND = ("sphere", "cylinder")
 """Shapes that Mitsuba has in no stretched form."""

@@ -13,8 +13,8 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from rsibr.shading.camera import Camera
-from rsibr.shading.picture import Picture
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.pictures.picture import Picture
 from rsibr.store.atomic import write_atomic
 from rsibr.store.image_kind import image_kind
 from rsibr.store.map_file import REC709

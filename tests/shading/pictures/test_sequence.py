@@ -9,10 +9,10 @@ import pytest
 
 import rsibr
 from rsibr.errors import InputError, MachineError
-from rsibr.shading.camera import Camera
-from rsibr.shading.camera_path import Key, along_path, read_path, turntable
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.cameras.camera_path import Key, along_path, read_path, turntable
+from rsibr.shading.pictures.sequence import FrameFiles
 from rsibr.shading.render import RenderJob
-from rsibr.shading.sequence import FrameFiles
 from tests.shading.test_render import PLAIN, paint, two_spheres  # noqa: F401
 
 SETTINGS = {"resolution": 8, "rays": 1, **PLAIN}

@@ -10,9 +10,9 @@ import pytest
 from matplotlib.image import imread
 
 from rsibr.errors import InputError
-from rsibr.shading.camera import Camera
-from rsibr.shading.picture import NormalCounts, Picture
-from rsibr.shading.picture_file import Origin, exposure_of_pictures, on_black, write_picture
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.pictures.picture import NormalCounts, Picture
+from rsibr.shading.pictures.picture_file import Origin, exposure_of_pictures, on_black, write_picture
 
 SRGB_HALF = 188  # of linear 0.5, IEC 61966-2-1
 

@@ -17,16 +17,16 @@ import numpy as np
 from rsibr.errors import InputError
 from rsibr.job_size import JobSize
 from rsibr.methods.registry import method_digest
-from rsibr.shading.camera import Camera
-from rsibr.shading.camera_choice import chosen_camera
-from rsibr.shading.camera_path import MOST_FRAMES, along_path, read_path, turntable
-from rsibr.shading.film_file import check_ffmpeg, write_film
-from rsibr.shading.object_scene import ObjectScene
-from rsibr.shading.picture import Picture
-from rsibr.shading.picture_file import camera_record, encode_exr, exposure_of_pictures, on_black
-from rsibr.shading.picture_file import display as as_png
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.cameras.camera_choice import chosen_camera
+from rsibr.shading.cameras.camera_path import MOST_FRAMES, along_path, read_path, turntable
+from rsibr.shading.pictures.film_file import check_ffmpeg, write_film
+from rsibr.shading.pictures.picture import Picture
+from rsibr.shading.pictures.picture_file import camera_record, encode_exr, exposure_of_pictures, on_black
+from rsibr.shading.pictures.picture_file import display as as_png
 from rsibr.shading.render import Bakes, Occlusion, OnProgress, RenderJob, Scene, exposure_factor
 from rsibr.shading.renderer import RAYS
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.source_code import source_digest
 from rsibr.store.atomic import checksum, file_checksum, write_atomic
 from rsibr.store.image_kind import image_kind
@@ -150,7 +150,7 @@ def render_sequence(
     frames : int
         Number of frames. Without a path they go once around the middle of the object, about +Y.
     path : path, optional
-        JSON list of cameras; see `rsibr.shading.camera_path.read_path`.
+        JSON list of cameras; see `rsibr.shading.cameras.camera_path.read_path`.
     fresh : bool
         Make all frames anew.
     on_progress : callable, optional

@@ -10,7 +10,7 @@ import trimesh
 from rsibr.errors import InputError
 from rsibr.resources import scenes
 from rsibr.scene.trial import IN_TRIAL
-from rsibr.shading.scene_file import open_scene
+from rsibr.shading.scenes.scene_file import open_scene
 
 PLUGINS = {
     "sphere": {},
@@ -228,12 +228,12 @@ def test_a_scene_that_crashes_mitsuba_is_refused_and_others_pass_the_trial(tmp_p
     monkeypatch.delenv(IN_TRIAL)
     assert list(open_scene(_xml(tmp_path, FULL)).shapes) == ["shape-1", "b"]
     assert list(open_scene({"type": "scene", "a": {"type": "sphere"}}).shapes) == ["a"]
-    monkeypatch.setattr("rsibr.shading.mitsuba_scene._TRIAL", "tests.shading.crashing_child")
+    monkeypatch.setattr("rsibr.shading.scenes.mitsuba_scene._TRIAL", "tests.shading.crashing_child")
     with pytest.raises(InputError, match=r"Mitsuba crashed \(SIGSEGV\) while loading it"):
         open_scene({"type": "scene", "b": {"type": "sphere"}})
 
 
 def test_the_shipped_car_needs_no_trial(monkeypatch):
     monkeypatch.delenv(IN_TRIAL)
-    monkeypatch.setattr("rsibr.shading.mitsuba_scene.require_survival_of", lambda *_: pytest.fail("tried"))
+    monkeypatch.setattr("rsibr.shading.scenes.mitsuba_scene.require_survival_of", lambda *_: pytest.fail("tried"))
     assert list(open_scene(scenes() / "objects" / "car.xml").shapes) == ["body", "rubber", "metal", "glass"]

@@ -11,7 +11,7 @@ from rsibr import backend
 from rsibr.baking.baked_scene import scene_of
 from rsibr.baking.scene import Scene
 from rsibr.errors import InputError
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.store.bake import Bake
 

@@ -13,7 +13,7 @@ import trimesh
 
 from rsibr import machine
 from rsibr.errors import InputError, MachineError
-from rsibr.shading.mesh_file import SUFFIXES, load_meshes
+from rsibr.shading.scenes.mesh_file import SUFFIXES, load_meshes
 from tests.shading.conftest import torus_mesh
 
 CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.errors import InputError
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 
 _LIFT = 1e-4  # of the scene's radius
 _LIFT_STEPS = 8  # of the largest coordinate in float32: hit points are off by a few

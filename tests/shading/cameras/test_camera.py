@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rsibr.errors import InputError
-from rsibr.shading.camera import Camera
+from rsibr.shading.cameras.camera import Camera
 
 
 def _sensor(**more):

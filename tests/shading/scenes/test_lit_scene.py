@@ -11,8 +11,8 @@ import pytest
 
 from rsibr import backend
 from rsibr.errors import InputError
-from rsibr.shading.lit_scene import lit_scene, require_one_light, two_sided
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.lit_scene import lit_scene, require_one_light, two_sided
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rsibr.errors import InputError
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.object_scene import ObjectScene
 
 
 def _sphere(x=0.0, radius=1.0):

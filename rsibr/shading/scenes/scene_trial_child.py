@@ -1,6 +1,6 @@
 """Child process of `rsibr.scene.trial`: loads a user's scene, which may crash it, and traces some rays.
 
-`python -m rsibr.shading.scene_trial_child` reads from stdin, as JSON, the path of an XML file or the text of one.
+`python -m rsibr.shading.scenes.scene_trial_child` reads from stdin, as JSON, the path of an XML file or its text.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from rsibr import backend
 from rsibr.errors import RsibrError
 from rsibr.scene.python_plugins import load_plugins
 from rsibr.scene.trial import BEGUN
-from rsibr.shading.mitsuba_scene import SceneSource, instantiated
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.scenes.mitsuba_scene import SceneSource, instantiated
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surfaces import first_surfaces
 
 _RAYS = 64

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rsibr.errors import InputError
-from rsibr.shading.camera import Camera
-from rsibr.shading.object_scene import ObjectScene
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.scenes.object_scene import ObjectScene
 
 THREE_QUARTER = (1.0, 0.5, 1.5)
 """Direction from the object to the camera: from the front, to its right, above."""
@@ -49,7 +49,7 @@ def fitted_camera(
 
     Examples
     --------
-    >>> from rsibr.shading.scene_file import open_scene
+    >>> from rsibr.shading.scenes.scene_file import open_scene
     >>> camera = fitted_camera(open_scene("sphere"), (0, 0, 1))
     >>> camera.forward.tolist(), bool(camera.position[2] > 1)
     ([0.0, 0.0, -1.0], True)

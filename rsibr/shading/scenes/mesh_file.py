@@ -22,8 +22,8 @@ from rsibr import machine
 from rsibr.errors import InputError, MachineError
 from rsibr.job_size import in_bytes
 from rsibr.regular_file import read_regular
-from rsibr.shading.mesh_repair import TriangleMesh, repaired
-from rsibr.shading.unique_name import unique_name
+from rsibr.shading.scenes.mesh_repair import TriangleMesh, repaired
+from rsibr.shading.scenes.unique_name import unique_name
 
 SUFFIXES = (".ply", ".obj", ".gltf", ".glb", ".stl")
 """Suffixes of the mesh files that are read, in lower case."""
@@ -39,7 +39,7 @@ def load_meshes(path: Path) -> tuple[dict[str, mi.Mesh], tuple[str, ...]]:
     """Load the shapes of a mesh file in the current variant.
 
     Vertex normals are those of the file where it has any, otherwise smooth across edges of at most 40°; see
-    `rsibr.shading.mesh_repair.repaired`.
+    `rsibr.shading.scenes.mesh_repair.repaired`.
 
     Parameters
     ----------

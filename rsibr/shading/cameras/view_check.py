@@ -8,9 +8,9 @@ import numpy as np
 
 from rsibr import backend
 from rsibr.errors import InputError
-from rsibr.shading.camera import Camera
-from rsibr.shading.object_scene import ObjectScene
-from rsibr.shading.picture import Picture
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.pictures.picture import Picture
+from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surfaces import first_surfaces
 
 _MANY = 0.5

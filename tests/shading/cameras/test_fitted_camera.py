@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rsibr.errors import InputError
-from rsibr.shading.fitted_camera import fitted_camera
+from rsibr.shading.cameras.fitted_camera import fitted_camera
 
 
 @pytest.mark.parametrize("size", [(64, 64), (160, 60), (60, 160)])

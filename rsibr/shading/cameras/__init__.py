@@ -1,0 +1,1 @@
+"""Cameras: chosen, fitted to an object, and along a path."""
