@@ -219,7 +219,7 @@ def _rendering(variant: str) -> Rendering:
 def _nested(props: mi.Properties, *, hides: bool) -> mi.SamplingIntegrator:
     given = [value for _, value in props.objects()]
     if not given:
-        return mi.load_dict({"type": "path", "hide_emitters": hides}, parallel=False)
+        return backend.load({"type": "path", "hide_emitters": hides})
     nested = given[0]
     fix = "nest path, direct or volpath"
     if len(given) > 1 or not isinstance(nested, mi.SamplingIntegrator) or isinstance(nested, mi.CppADIntegrator):

@@ -58,6 +58,7 @@ def test_error_is_promised_and_reached_and_all_of_it_recorded(config, tmp_path):
     assert "budget" not in budget.resolved
 
 
+@pytest.mark.slow
 def test_resumed_it_chooses_nothing_anew_and_ends_bit_identical(config, tmp_path, monkeypatch):
     baked = rsibr.bake(config, out=tmp_path / "b.rsibr", overrides=SMALL)
     kept = map_bytes(baked.path)
@@ -109,6 +110,7 @@ def test_what_the_config_sets_stays(config):
     assert len(record.probes) == 1
 
 
+@pytest.mark.slow
 def test_seconds_choose_the_most_accurate_that_fits(config):
     resolved, record = chosen(config, [*SMALL, "budget.seconds=20"])
     assert record.promised_seconds == 20

@@ -122,6 +122,7 @@ def test_a_kernel_that_kills_its_process_is_a_finding(monkeypatch):
     assert lack.exit_code == MachineError.exit_code
 
 
+@pytest.mark.slow
 def test_a_file_that_mitsuba_never_finishes_reading_is_a_finding(monkeypatch):
     """As on one core, if the pool were not widened: the child is ended, and the step that hung is named."""
     one_thread = "import drjit; drjit.set_thread_count(1)\n"

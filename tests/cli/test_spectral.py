@@ -72,6 +72,7 @@ def test_spectra_that_are_forced_off_are_missed_and_said(shell, gold, tmp_path):
     assert open_bake(tmp_path / "g.rsibr").rendering == "rgb"
 
 
+@pytest.mark.slow
 def test_polarisation_is_rendered_on_request_and_brings_spectra(shell, gold, tmp_path):
     ended = shell("bake", gold, "--out", tmp_path / "p.rsibr", "--set", "effects.polarisation=on")
     assert ended.code == 0, ended.stderr

@@ -54,6 +54,7 @@ def test_it_shares_no_noise_with_the_reference(tracer):
     assert abs(correlation - 1 / 65) * np.sqrt(ours.size) < 4.5
 
 
+@pytest.mark.slow
 def test_passes_have_the_slope_of_independent_samples(tracer):
     """In samples, which no clock disturbs: −1 ± 0.05 over 1.5 decades; one stratified picture is no worse."""
     frames, reference = [FRAME] * 4, tracer.render(FRAME, 16384, seed=5)

@@ -209,6 +209,7 @@ def test_progress_tells_the_whole_before_the_first_step(asymmetric_environment, 
     assert "glossy-plastic under asymmetric: reference 1" in seen[0].step
 
 
+@pytest.mark.slow
 def test_a_black_scene_is_studied_too(tmp_path):
     black = {
         "environment": {"emitter": {"type": "constant", "radiance": 0.0}},
