@@ -88,8 +88,8 @@ def _room_pages(package: Path) -> Iterator[tuple[str, str]]:
 
 
 def _section(name: str, underline: str) -> str:
-    """A module under its name, for its members to be linked to."""
-    return f"{name}\n{underline * len(name)}\n\n.. automodule:: {name}\n"
+    """A module under its name, for its members to be linked to; what it hands on of others is documented there."""
+    return f"{name}\n{underline * len(name)}\n\n.. automodule:: {name}\n   :ignore-module-all:\n"
 
 
 def mark_long_code(_app: Sphinx, doctree: nodes.document) -> None:
