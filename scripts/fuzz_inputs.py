@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import matplotlib.font_manager  # noqa: F401  # makes its cache folder now, not while writing is watched
 import numpy as np
 import OpenEXR
 from fuzz_bakes import BakeInputs
