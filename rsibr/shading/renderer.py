@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -89,6 +90,13 @@ class ObjectRenderer:
         self._evidence = SceneEvidence(scene, self.types, self.inputs, environment_distance)
         self._plan: ObjectPlan | None = None
         self.prepare_seconds = time.perf_counter() - start
+
+    def with_occlusion(self, occlusion: str) -> ObjectRenderer:
+        """Return a renderer that differs in `occlusion` alone; both share what they prepare."""
+        other = copy(self)
+        other.switches = self.switches | _switches(occlusion, {})
+        other._plan = None
+        return other
 
     @property
     def lookups(self) -> list[Lookup]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -161,9 +162,8 @@ def _renderers(
     scene: ObjectScene, bakes: dict[str, Bake], method: str, lookup: str, occlusion: str
 ) -> tuple[ObjectRenderer, ObjectRenderer]:
     """Renderers of the picture without shadows of its own, and of the picture as asked for."""
-    without = ObjectRenderer(scene, bakes, method, lookup, occlusion="off")
-    asked = without if occlusion == "off" else ObjectRenderer(scene, bakes, method, lookup, occlusion=occlusion)
-    return without, asked
+    asked = ObjectRenderer(scene, bakes, method, lookup, occlusion=occlusion)
+    return asked if occlusion == "off" else asked.with_occlusion("off"), asked
 
 
 def _judged(
@@ -175,8 +175,8 @@ def _judged(
     name: str,
 ) -> MethodPicture:
     without, asked = renderers
-    bare, compile_seconds = _picture(without, primary)
-    picture, compile_seconds = (bare, compile_seconds) if asked is without else _picture(asked, primary)
+    picture, compile_seconds = _picture(asked, primary)  # first, so that it prepares all that it needs
+    bare = picture if asked is without else _picture(without, primary)[0]
 
     def error(of: Picture, truth: Reference) -> ObjectError:
         return object_error(_without_coverage(of), truth, zones, exposures, name)
@@ -189,7 +189,7 @@ def _judged(
 def _picture(renderer: ObjectRenderer, primary: PrimaryRays) -> tuple[Picture, float]:
     """Picture, and how much longer the first one took [s]."""
     first = renderer.picture(primary.camera, primary.rays)
-    picture = renderer.picture(primary.camera, primary.rays)
+    picture = replace(renderer.picture(primary.camera, primary.rays), prepare_seconds=first.prepare_seconds)
     return picture, max(0.0, first.seconds - picture.seconds)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from types import SimpleNamespace
 
 import mitsuba as mi
@@ -12,6 +13,7 @@ import pytest
 from rsibr.baking.baker import bake
 from rsibr.errors import InputError
 from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.occlusion.occlusion import Occlusion
 from rsibr.shading.pictures.picture import Picture
 from rsibr.shading.renderer import ObjectRenderer
 from rsibr.shading.scenes.object_scene import ObjectScene
@@ -144,3 +146,23 @@ def test_the_camera_of_the_scene_is_taken_and_another_frames_the_object(scene):
     assert (np.abs(seen[:, 0]) < -seen[:, 2] * framing.half_width).all()
     assert (np.abs(seen[:, 1]) < -seen[:, 2] * framing.half_width / 2).all()
     np.testing.assert_allclose(object_camera(scene, (0, 0, 9)).position, (0, 0, 9))
+
+
+def test_the_time_of_preparation_counts_the_occlusion_which_is_made_once(matte, scene, monkeypatch):
+    """It is made for the first picture of a renderer; the one that is kept is the second."""
+    made, of = [], Occlusion.of
+
+    def slow(*given, **options):
+        made.append(of(*given, **options))
+        time.sleep(0.4)
+        return made[-1]
+
+    monkeypatch.setattr(Occlusion, "of", slow)
+    renderers = module._renderers(scene, {"*": matte}, "rsibr", "pixel", "on")
+    assert renderers[0].methods[0] is renderers[1].methods[0]
+    primary = SimpleNamespace(camera=CAMERA, rays=1)
+    assert module._picture(renderers[1], primary)[0].prepare_seconds > 0.4
+    bare = module._picture(renderers[0], primary)[0]
+    dark = renderers[1].picture(CAMERA, 1)
+    assert len(made) == 1
+    assert (bare.radiance - dark.radiance).max() > 0
