@@ -5,6 +5,9 @@ Any other exception that reaches the user is a bug, and shows its traceback.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class RsibrError(Exception):
     """Failure that the user can fix; printed as one line without a traceback.
@@ -44,6 +47,12 @@ def printable(text: object) -> str:
     sequences of a terminal.
     """
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Begin a remedy with the known name nearest to a misspelt one, `did you mean 'x'? `; empty if none is near."""
+    near = get_close_matches(name, list(known), 1)
+    return f"did you mean '{near[0]}'? " if near else ""
 
 
 def _made(kind: type[RsibrError], what: str, where: str, fix: str) -> RsibrError:

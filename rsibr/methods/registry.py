@@ -10,18 +10,15 @@ Modules below `rsibr/methods/` are found by import, methods of installed package
 from __future__ import annotations
 
 import hashlib
-import importlib
-import inspect
-import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from functools import cache
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from rsibr.errors import InputError
+from rsibr.errors import InputError, did_you_mean
 from rsibr.methods.protocol import Method, Needs
+from rsibr.registered import import_all, keyword_options
 from rsibr.source_code import definition_digest, source_digest
 
 if TYPE_CHECKING:
@@ -81,8 +78,7 @@ class Registration:
     @property
     def options(self) -> dict[str, Any]:
         """Keyword parameters of `make` with their defaults, such as `weights`, `mesh`, `lobe`."""
-        parameters = inspect.signature(self.make).parameters.values()
-        return {one.name: one.default for one in parameters if one.kind is one.KEYWORD_ONLY}
+        return keyword_options(self.make)
 
     def serves(self, bake: StoredMaps) -> bool:
         """Whether the bake has all parts that the method requires, and the method sees all of its light."""
@@ -179,10 +175,8 @@ def registration(name: str) -> Registration:
     """
     known = registrations()
     if name not in known:
-        near = get_close_matches(name, known, 1)
-        meant = f"did you mean '{near[0]}'? " if near else ""
-        there = ", ".join(method_names())
-        raise InputError(f"unknown method '{name}'", where="method", fix=f"{meant}there are: {there}")
+        there = f"there are: {', '.join(method_names())}"
+        raise InputError(f"unknown method '{name}'", where="method", fix=did_you_mean(name, known) + there)
     return known[name]
 
 
@@ -232,9 +226,7 @@ def baseline_method() -> str:
 @cache
 def _discover() -> None:
     """Import every module of this package and every entry point, once; each registers its methods."""
-    package = importlib.import_module(__package__ or "rsibr.methods")
-    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-        importlib.import_module(module.name)
+    import_all("rsibr.methods")
     for entry in entry_points(group=ENTRY_POINTS):
         _load(entry)
 

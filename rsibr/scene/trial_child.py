@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +37,18 @@ def try_section(document: dict[str, Any]) -> None:
     _exercise(material.bsdf())
 
 
-def main() -> int:
-    """Run one trial; any exit code means that the process did not crash."""
+def main(attempt: Callable[[dict[str, Any]], None] = try_section) -> int:
+    """Run one trial; any exit code means that the process did not crash.
+
+    Parameters
+    ----------
+    attempt : callable
+        Loads what the document from stdin holds, and raises what the loader raises.
+    """
     document = json.load(sys.stdin)
     print(BEGUN, flush=True)  # noqa: T201  # for the parent process
     try:
-        try_section(document)
+        attempt(document)
     except (RsibrError, RuntimeError):  # the parent process will raise it too
         return 1
     return 0

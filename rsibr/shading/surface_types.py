@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from rsibr.errors import InputError
+from rsibr.errors import InputError, did_you_mean
 from rsibr.geometry.to_device import to_device
 from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surfaces import Surfaces
@@ -62,10 +61,9 @@ class SurfaceTypes:
         of_shape = {name: index for index, name in enumerate(names) if name != "*"}
         for name in of_shape:
             if name not in scene.shapes:
-                near = get_close_matches(name, scene.shapes, 1)
-                meant = f"did you mean '{near[0]}'? " if near else ""
-                there = ", ".join(list(scene.shapes)[:12])
-                raise InputError(f"no shape '{name}'", where=scene.name, fix=f"{meant}there are: {there}")
+                there = f"there are: {', '.join(list(scene.shapes)[:12])}"
+                fix = did_you_mean(name, scene.shapes) + there
+                raise InputError(f"no shape '{name}'", where=scene.name, fix=fix)
         if "*" in names:
             rest = list(names).index("*")
             of_shape |= {name: rest for name in scene.shapes if name not in of_shape}

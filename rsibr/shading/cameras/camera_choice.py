@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rsibr.errors import InputError
+from rsibr.errors import InputError, did_you_mean
 from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.cameras.fitted_camera import THREE_QUARTER, fitted_camera
 from rsibr.shading.scenes.object_scene import ObjectScene
@@ -82,9 +81,8 @@ def _looking(scene: ObjectScene, given: Mapping[str, Any], size: tuple[int, int]
 def _check_keys(given: Mapping[str, Any]) -> None:
     for key in given:
         if key not in _KEYS:
-            near = get_close_matches(str(key), _KEYS, 1)
-            meant = f"did you mean '{near[0]}'? " if near else ""
-            raise InputError(f"unknown key '{key}'", where="camera", fix=f"{meant}there are: {', '.join(_KEYS)}")
+            there = f"there are: {', '.join(_KEYS)}"
+            raise InputError(f"unknown key '{key}'", where="camera", fix=did_you_mean(str(key), _KEYS) + there)
     if {"position", "direction"} <= given.keys():
         raise InputError("both position and direction", where="camera", fix="give one of them")
     if "position" not in given and (lone := given.keys() & {"target", "up"}):

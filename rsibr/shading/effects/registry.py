@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cache
 from typing import TypeVar
 
-from rsibr.errors import InputError
+from rsibr.errors import InputError, did_you_mean
 from rsibr.planning.plan import Effect
+from rsibr.registered import import_all
 from rsibr.shading.effects.evidence import Evidence
 
 Decide = Callable[[Evidence], Effect]
@@ -73,9 +71,8 @@ def check_switches(switches: Mapping[str, str]) -> None:
     known = object_effects()
     for name, value in switches.items():
         if name not in known:
-            near = get_close_matches(name, known, 1)
-            meant = f"did you mean '{near[0]}'? " if near else ""
-            raise InputError(f"unknown effect '{name}'", where="effects", fix=f"{meant}there are: {', '.join(known)}")
+            there = f"there are: {', '.join(known)}"
+            raise InputError(f"unknown effect '{name}'", where="effects", fix=did_you_mean(name, known) + there)
         if value not in SWITCHES:
             raise InputError(f"'{value}'", where=f"effects.{name}", fix=f"give one of: {', '.join(SWITCHES)}")
         if value != "auto" and not known[name].switchable:
@@ -85,6 +82,4 @@ def check_switches(switches: Mapping[str, str]) -> None:
 @cache
 def _discover() -> None:
     """Import every module of this package, once; each registers its effect."""
-    package = importlib.import_module(__package__ or "rsibr.shading.effects")
-    for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
-        importlib.import_module(module.name)
+    import_all("rsibr.shading.effects")

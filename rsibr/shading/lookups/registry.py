@@ -5,18 +5,15 @@ A lookup registers itself in its own file, below `rsibr/shading/lookups/`; no ot
 
 from __future__ import annotations
 
-import importlib
-import inspect
-import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cache
 from typing import Any, Protocol, TypeVar
 
 import mitsuba as mi
 
-from rsibr.errors import InputError
+from rsibr.errors import InputError, did_you_mean
+from rsibr.registered import import_all, keyword_options
 from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.surfaces import Surfaces
 
@@ -73,8 +70,7 @@ class LookupRegistration:
     @property
     def options(self) -> dict[str, Any]:
         """Keyword parameters of `make` with their defaults, such as `filter`, `resolution`."""
-        parameters = inspect.signature(self.make).parameters.values()
-        return {one.name: one.default for one in parameters if one.kind is one.KEYWORD_ONLY}
+        return keyword_options(self.make)
 
     def checked(self, options: Mapping[str, Any]) -> dict[str, Any]:
         """Return options if the lookup has them all.
@@ -117,15 +113,12 @@ def lookup_named(name: str) -> LookupRegistration:
     """
     known = lookups()
     if name not in known:
-        near = get_close_matches(name, known, 1)
-        meant = f"did you mean '{near[0]}'? " if near else ""
-        raise InputError(f"unknown lookup '{name}'", where="lookup", fix=f"{meant}there are: auto, {', '.join(known)}")
+        there = f"there are: auto, {', '.join(known)}"
+        raise InputError(f"unknown lookup '{name}'", where="lookup", fix=did_you_mean(name, known) + there)
     return known[name]
 
 
 @cache
 def _discover() -> None:
     """Import every module of this package, once; each registers its lookup."""
-    package = importlib.import_module(__package__ or "rsibr.shading.lookups")
-    for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
-        importlib.import_module(module.name)
+    import_all("rsibr.shading.lookups")

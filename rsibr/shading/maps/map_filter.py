@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Callable
-from difflib import get_close_matches
 from functools import cache
 from typing import Protocol
 
 import mitsuba as mi
 
-from rsibr.errors import InputError
+from rsibr.errors import InputError, did_you_mean
+from rsibr.registered import import_all
 from rsibr.shading.maps.indexing import Patch
 from rsibr.shading.maps.view_maps import ViewMaps
 
@@ -41,6 +39,15 @@ class MapFilter(Protocol):
         ...
 
 
+def over_patches(maps: ViewMaps, mean: Reader) -> Reader:
+    """Reader that takes the mean over patches with corners, and a bilinear lookup at points."""
+
+    def read(index: mi.UInt32, patch: Patch) -> mi.Color3f:
+        return maps.fetch(index, patch.middle) if patch.corners is None else mean(index, patch)
+
+    return read
+
+
 _REGISTERED: dict[str, MapFilter] = {}
 
 
@@ -65,14 +72,11 @@ def filter_named(name: str) -> MapFilter:
     """
     known = filters()
     if name not in known:
-        near = get_close_matches(name, known, 1)
-        meant = f"did you mean '{near[0]}'? " if near else ""
-        raise InputError(f"unknown filter '{name}'", where="filter", fix=f"{meant}there are: {', '.join(known)}")
+        there = f"there are: {', '.join(known)}"
+        raise InputError(f"unknown filter '{name}'", where="filter", fix=did_you_mean(name, known) + there)
     return known[name]
 
 
 @cache
 def _discover() -> None:
-    package = importlib.import_module("rsibr.shading.maps.filters")
-    for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
-        importlib.import_module(module.name)
+    import_all("rsibr.shading.maps.filters")

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -14,9 +13,8 @@ import drjit as dr
 import mitsuba as mi
 
 from rsibr import backend
-from rsibr.errors import RsibrError
 from rsibr.scene.python_plugins import load_plugins
-from rsibr.scene.trial import BEGUN
+from rsibr.scene.trial_child import main
 from rsibr.shading.scenes.mitsuba_scene import SceneSource, instantiated
 from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surfaces import first_surfaces
@@ -41,16 +39,5 @@ def _exercise(source: SceneSource) -> None:
     dr.sync_thread()
 
 
-def main() -> int:
-    """Run one trial; any exit code means that the process did not crash."""
-    document = json.load(sys.stdin)
-    print(BEGUN, flush=True)  # noqa: T201  # for the parent process
-    try:
-        try_scene(document)
-    except (RsibrError, RuntimeError):  # the parent process will raise it too
-        return 1
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(try_scene))

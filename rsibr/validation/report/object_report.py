@@ -14,7 +14,7 @@ from rsibr.validation.report import pictures
 from rsibr.validation.report.object_document import object_document
 from rsibr.validation.report.page import render
 from rsibr.validation.report.pictures import FLIP, RELATIVE_ERROR, Rgba
-from rsibr.validation.report.report import REPORT_NAME, picture_folder
+from rsibr.validation.report.report import REPORT_NAME, write_pictures
 
 OBJECT_METRICS_NAME = "object.json"
 
@@ -43,9 +43,7 @@ def write_object_report(validation: ObjectValidation, directory: Path) -> Path:
     """
     drawn = _draw(validation)
     files = {f"object_{name}.png": picture for name, picture in drawn.items()}
-    folder = picture_folder(directory, "object_*.png", files)
-    for name, picture in files.items():
-        write_atomic(folder / name, pictures.png(picture))
+    write_pictures(directory, "object_*.png", files)
     document = object_document(validation)
     write_atomic(directory / OBJECT_METRICS_NAME, document.to_json().encode())
     page = render(

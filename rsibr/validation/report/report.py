@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,9 +79,7 @@ def write_report(validation: Validation, directory: Path) -> Path:
     """
     drawn = _draw(validation)
     files = {name: picture for number, view in enumerate(drawn, 1) for name, picture in view.named(number)}
-    folder = picture_folder(directory, "view_[0-9][0-9]*_*.png", files)
-    for name, picture in files.items():
-        write_atomic(folder / name, pictures.png(picture))
+    write_pictures(directory, "view_[0-9][0-9]*_*.png", files)
     if validation.health is not None:
         write_health_pictures(validation.health, directory)
     write_atomic(directory / METRICS_NAME, metrics_document(validation).to_json().encode())
@@ -89,8 +87,8 @@ def write_report(validation: Validation, directory: Path) -> Path:
     return directory / REPORT_NAME
 
 
-def picture_folder(directory: Path, pattern: str, files: Collection[str]) -> Path:
-    """Make the folder of a report's images; remove those of an earlier report that match `pattern`, but for `files`.
+def write_pictures(directory: Path, pattern: str, files: Mapping[str, Rgba]) -> None:
+    """Write the images of a report by file name; those of an earlier report that match `pattern` are removed.
 
     Raises
     ------
@@ -105,7 +103,8 @@ def picture_folder(directory: Path, pattern: str, files: Collection[str]) -> Pat
                 stale.unlink()
     except OSError as error:
         raise unwritable(folder, error) from error
-    return folder
+    for name, picture in files.items():
+        write_atomic(folder / name, pictures.png(picture))
 
 
 def _draw(validation: Validation) -> list[_ViewPictures]:

@@ -6,7 +6,7 @@ import drjit as dr
 import mitsuba as mi
 
 from rsibr.shading.maps.indexing import Patch
-from rsibr.shading.maps.map_filter import Reader, register_filter
+from rsibr.shading.maps.map_filter import Reader, over_patches, register_filter
 from rsibr.shading.maps.view_maps import ViewMaps
 
 SHARPER = 0.5
@@ -28,13 +28,7 @@ class MipMapped:
 
     def reader(self, maps: ViewMaps) -> Reader:
         """See `MapFilter`."""
-
-        def read(index: mi.UInt32, patch: Patch) -> mi.Color3f:
-            if patch.corners is None:
-                return maps.fetch(index, patch.middle)
-            return maps.fetch_between(index, patch.middle, level_of(patch, maps))
-
-        return read
+        return over_patches(maps, lambda index, patch: maps.fetch_between(index, patch.middle, level_of(patch, maps)))
 
 
 def level_of(patch: Patch, maps: ViewMaps) -> mi.Float:

@@ -6,7 +6,7 @@ import drjit as dr
 import mitsuba as mi
 
 from rsibr.shading.maps.indexing import Patch
-from rsibr.shading.maps.map_filter import Reader, register_filter
+from rsibr.shading.maps.map_filter import Reader, over_patches, register_filter
 from rsibr.shading.maps.view_maps import BORDER, ViewMaps
 
 MOST_TEXELS = 16
@@ -33,13 +33,7 @@ class Quadrilateral:
 
     def reader(self, maps: ViewMaps) -> Reader:
         """See `MapFilter`."""
-
-        def read(index: mi.UInt32, patch: Patch) -> mi.Color3f:
-            if patch.corners is None:
-                return maps.fetch(index, patch.middle)
-            return _mean(maps, index, patch)
-
-        return read
+        return over_patches(maps, lambda index, patch: _mean(maps, index, patch))
 
 
 def _mean(maps: ViewMaps, index: mi.UInt32, patch: Patch) -> mi.Color3f:

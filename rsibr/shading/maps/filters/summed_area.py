@@ -8,7 +8,7 @@ import drjit as dr
 import mitsuba as mi
 
 from rsibr.shading.maps.indexing import Patch
-from rsibr.shading.maps.map_filter import Reader, register_filter
+from rsibr.shading.maps.map_filter import Reader, over_patches, register_filter
 from rsibr.shading.maps.view_maps import BORDER, ViewMaps
 
 _LEAST_COVERAGE = 1e-3  # texels inside the disk below which the rectangle holds nothing
@@ -32,15 +32,13 @@ class SummedArea:
         """See `MapFilter`."""
         table = SumTable.of(maps)
 
-        def read(index: mi.UInt32, patch: Patch) -> mi.Color3f:
-            if patch.corners is None:
-                return maps.fetch(index, patch.middle)
+        def over_bounds(index: mi.UInt32, patch: Patch) -> mi.Color3f:
             low, high = _rectangle(patch, maps)
             total = table.within(index, low, high)
             mean = mi.Color3f(total.xyz / dr.maximum(total.w, _LEAST_COVERAGE))
             return dr.select(total.w > _LEAST_COVERAGE, mean, maps.fetch(index, patch.middle))
 
-        return read
+        return over_patches(maps, over_bounds)
 
 
 @dataclass
