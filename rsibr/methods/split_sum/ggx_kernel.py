@@ -1,0 +1,89 @@
+"""Kernel of the prefiltered environment of split-sum shading, and its splitting into a sum over length scales."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+TAYLOR = 4
+"""Terms of the expansion that continues the kernel inside a radius."""
+
+
+@dataclass(frozen=True)
+class GGXKernel:
+    """K(θ) = D(h) (n·h) / (4 v·h) (n·l) with n = v = r: what a sample of the GGX distribution weighs the light by.
+
+    Attributes
+    ----------
+    alpha : float
+        Roughness α > 0.
+
+    Notes
+    -----
+    Karis (2013), eq. 4 and the code after it: half vectors drawn from D, weight n·l. With n = v = r the half vector is
+    at θ/2 from r, so that K depends on the angle θ between r and l alone: with s = sin² θ/2 and b = 1 − α²,
+    K = α² / (4π) (1 − 2s) (α² + b s)⁻² for s < 1/2, and zero below the horizon.
+    """
+
+    alpha: float
+
+    def value(self, s: Any, xp: Any = np) -> Any:
+        """K [sr⁻¹] by s = sin² θ/2."""
+        square = self.alpha**2
+        base = square + (1 - square) * s
+        return square / (4 * np.pi) * xp.maximum(1 - 2 * s, 0) / (base * base)
+
+    def band_factors(self, count: int) -> NDArray[np.float64]:
+        """Factors of the bands 0 … count − 1 of spherical harmonics: ∫ K P_l dω / ∫ K dω, by quadrature."""
+        # Substitution s = α² (q^…): nodes even in log(α² + b s), where K is a power law
+        x, weight = np.polynomial.legendre.leggauss(max(4 * count, 400))
+        square = self.alpha**2
+        low, high = np.log(square), np.log(square + (1 - square) / 2)
+        base = np.exp(low + (x + 1) / 2 * (high - low))
+        s = (base - square) / (1 - square)
+        measure = weight * base / (1 - square) * self.value(s)
+        legendre = np.polynomial.legendre.legvander(1 - 2 * s, count - 1)
+        moments = measure @ legendre
+        return np.asarray(moments / moments[0])
+
+
+@dataclass(frozen=True)
+class SoftenedKernel:
+    """α²-free part (α² + b s)⁻² of the kernel, continued inside a radius by its Taylor polynomial in s.
+
+    The difference of two of them vanishes outside the larger radius and is positive: all derivatives alternate.
+
+    Attributes
+    ----------
+    base : mi.Float
+        α² + b s_R at the radius R (opaque).
+    slope : mi.Float
+        b (opaque).
+    edge : mi.Float
+        s_R = sin² R/2 (opaque); 0 leaves the kernel as it is.
+    """
+
+    base: mi.Float
+    slope: mi.Float
+    edge: mi.Float
+
+    @classmethod
+    def of(cls, kernel: GGXKernel, radius: float) -> SoftenedKernel:
+        """Soften inside an angle [rad]."""
+        slope, edge = 1 - kernel.alpha**2, np.sin(radius / 2) ** 2
+        values = kernel.alpha**2 + slope * edge, slope, edge
+        return cls(*(dr.opaque(mi.Float, value) for value in values))
+
+    def at(self, s: mi.Float) -> mi.Float:
+        """Value by s = sin² θ/2."""
+        inside = self.slope * (self.edge - s) / self.base  # (1 − x)⁻² = Σ (k + 1) xᵏ
+        series = mi.Float(TAYLOR)
+        for k in range(TAYLOR - 1, 0, -1):
+            series = dr.fma(series, inside, k)
+        base = dr.fma(self.slope, dr.maximum(s, self.edge), self.base - self.slope * self.edge)
+        return dr.select(s < self.edge, series, 1) * dr.rcp(base * base)

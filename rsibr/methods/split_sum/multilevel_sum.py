@@ -1,0 +1,220 @@
+"""Sums of a GGX kernel over all light, in any direction: multilevel summation over charts of halving resolution.
+
+Kernel sums ∫ K(r·l) L(l) dω are split over length scales. Level j holds the light in charts of spacing h_j = 2ʲ h_0 and
+sums K_j = T_{j−1} − T_j, where T_j is the kernel softened inside R_j = `REACH` h_j (and T_{−1} the kernel itself): it
+vanishes beyond R_j, so that a window of a fixed number of nodes holds all of it. The last level sums T_j over the whole
+sphere. Every K_j is smooth on its own grid; cubic interpolation brings light to the nodes and sums back from them.
+Energies count from their own centroids, all weights of light are positive up to the error of interpolation, and a
+faint sky next to a sun keeps its own relative error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.geometry.to_device import to_device
+from rsibr.methods.split_sum.cube_charts import (
+    AXES,
+    FACES,
+    interpolated,
+    node_tangents,
+    place_in_face,
+    places_in_charts,
+    spread,
+)
+from rsibr.methods.split_sum.ggx_kernel import GGXKernel, SoftenedKernel
+
+Array = NDArray[np.float64]
+
+REACH = 10.0
+"""Softening radius of a level in spacings of its nodes."""
+
+COARSEST = 48
+"""Nodes a side of a face up to which the rest of the kernel is summed over the whole sphere."""
+
+FINENESS = 4.7
+"""Nodes a side of a face times α on the finest level: six of them in the kernel's half-width 2α."""
+
+_BORDER = 2  # nodes beyond a face that cubic interpolation inside of it needs
+
+
+@dataclass(eq=False)
+class Level:
+    """Sums of one part of the kernel at the nodes of all charts.
+
+    Attributes
+    ----------
+    size : int
+        Nodes a side of a face.
+    sums : mi.Float
+        Shape (6, size + 4, size + 4, 4), flat.
+    """
+
+    size: int
+    sums: mi.Float
+
+    def at(self, face: mi.UInt32, place: mi.Point2f) -> mi.Vector4f:
+        """Sum at a place of a chart."""
+        return interpolated(self.sums, self.size, _BORDER, face, place)
+
+
+def level_sums(directions: Array, weights: Array, kernel: GGXKernel, finest: int) -> list[Level]:
+    """Sum a kernel over point sources.
+
+    Parameters
+    ----------
+    directions : ndarray, shape (n, 3)
+        Unit directions of the sources.
+    weights : ndarray, shape (n, 4)
+        Four quantities of each, such as three channels of radiance times solid angle, and the solid angle.
+    kernel : GGXKernel
+        Kernel; the sums are without its factor α²/(4π).
+    finest : int
+        Nodes a side of a face on the finest level: see `finest_size`.
+
+    Returns
+    -------
+    list of Level
+        Their sum at a direction is the sum over the sources; see `summed`.
+    """
+    levels, size, inner = list[Level](), finest, SoftenedKernel.of(kernel, 0.0)
+    while size > COARSEST:
+        outer = SoftenedKernel.of(kernel, REACH * np.pi / (2 * size))
+        levels.append(Level(size, _window_sums(directions, weights, size, inner, outer)))
+        directions, weights = _merged(directions, weights, size)
+        size, inner = (size + 1) // 2, outer
+    directions, weights = _merged(directions, weights, size)
+    return [*levels, Level(size, _whole_sums(directions, weights, size, inner))]
+
+
+def summed(levels: list[Level], d: mi.Vector3f) -> mi.Vector4f:
+    """Sum of all levels in unit directions."""
+    face, place = place_in_face(d)
+    total = mi.Vector4f(0)
+    for level in levels:
+        total += level.at(face, place)
+    return total
+
+
+def finest_size(alpha: float, most: int) -> int:
+    """Nodes a side of a face that resolve a kernel of roughness `alpha`, at most `most`."""
+    return int(np.clip(np.ceil(FINENESS / alpha), _BORDER * 8, most))
+
+
+def _merged(directions: Array, weights: Array, size: int) -> tuple[Array, Array]:
+    """Sources at the nodes of a level in place of more sources."""
+    nodes = FACES * (size + 2 * _BORDER) ** 2
+    if nodes >= len(directions):
+        return directions, weights
+    point, face, place = places_in_charts(directions, 0.0)
+    held = spread(place, face, weights[point], size, _BORDER).reshape(-1, weights.shape[1])
+    used = held.any(axis=1)
+    return node_directions(size, _BORDER)[used], held[used].astype(np.float64)
+
+
+def node_directions(size: int, margin: int) -> Array:
+    """Unit directions of the nodes of all charts, row-major over face, v, u; shape (nodes, 3)."""
+    tangent = node_tangents(size, margin)
+    right, up = np.meshgrid(tangent, tangent)
+    local = np.stack([right, up, np.ones_like(right)], axis=-1)
+    local /= np.linalg.norm(local, axis=-1, keepdims=True)
+    return np.concatenate([local.reshape(-1, 3) @ axes for axes in AXES])
+
+
+def window_nodes(size: int) -> int:
+    """Nodes to either side of a node that hold all sources within the softening radius of a level."""
+    radius = REACH * np.pi / (2 * size)
+    edge = np.tan(np.pi / 4 * (1 + (2 * _BORDER - 1) / size))
+    around = np.linspace(0, 2 * np.pi, 256)
+    most = 0.0
+    for x, y in ((0, 0), (edge, 0), (edge, edge)):
+        middle = np.array([x, y, 1]) / np.sqrt(x * x + y * y + 1)
+        right = np.cross([0, 1.0, 0], middle)
+        right /= np.linalg.norm(right)
+        ring = np.outer(np.cos(around), right) + np.outer(np.sin(around), np.cross(middle, right))
+        circle = np.cos(radius) * middle + np.sin(radius) * ring
+        offset = np.arctan(circle[:, :2] / circle[:, 2:]) - np.arctan([x, y])
+        most = max(most, float(np.abs(offset).max()) * 2 * size / np.pi)
+    return int(np.ceil(most))
+
+
+def _window_sums(
+    directions: Array, weights: Array, size: int, inner: SoftenedKernel, outer: SoftenedKernel
+) -> mi.Float:
+    """Sums over the nodes within `window_nodes`, of the difference of two softened kernels."""
+    # ---- Light at the nodes of overlapping charts ----
+    reach = window_nodes(size)
+    margin = _BORDER + reach + 4  # of the last nodes stencils reach beyond the window
+    point, face, place = places_in_charts(directions, 2 * (margin - 2) / size)
+    light = to_device(mi.Float, spread(place, face, weights[point], size, margin))
+    tangents = to_device(mi.Float, node_tangents(size, margin).astype(np.float32))
+    # ---- One lane a node of the output; a loop over its window ----
+    side, row, window, first, count = (
+        dr.opaque(mi.UInt32, value)
+        for value in (
+            size + 2 * _BORDER,
+            size + 2 * margin,
+            2 * reach + 1,
+            margin - _BORDER - reach,
+            (2 * reach + 1) ** 2,
+        )
+    )
+    lane = dr.arange(mi.UInt32, FACES * (size + 2 * _BORDER) ** 2)
+    face_of, left, low = lane // (side * side), lane % side + first, (lane // side) % side + first
+    half = (window - 1) // 2
+    r = _direction(tangents, left + half, low + half)
+
+    def add(k: mi.UInt32, total: mi.Vector4f) -> tuple[mi.UInt32, mi.Vector4f]:
+        column, line = left + k % window, low + k // window
+        away = _direction(tangents, column, line) - r
+        s = 0.25 * dr.squared_norm(away)  # without the cancellation of 1 − cos θ
+        value = (inner.at(s) - outer.at(s)) * dr.maximum(1 - 2 * s, 0)
+        return k + 1, total + dr.gather(mi.Vector4f, light, (face_of * row + line) * row + column) * value
+
+    _, total = dr.while_loop(
+        state=(mi.UInt32(0), dr.zeros(mi.Vector4f, dr.width(lane))),
+        cond=lambda k, _total: k < count,
+        body=add,
+        labels=("k", "total"),
+        label="window_sums",
+    )
+    return _flat(total)
+
+
+def _whole_sums(directions: Array, weights: Array, size: int, kernel: SoftenedKernel) -> mi.Float:
+    """Sums over all sources of a softened kernel."""
+    rows = np.concatenate([directions, np.zeros((len(directions), 1)), weights], axis=1)
+    table, count = to_device(mi.Float, rows.astype(np.float32)), dr.opaque(mi.UInt32, len(rows))
+    r = mi.Vector3f(np.ascontiguousarray(node_directions(size, _BORDER).T, dtype=np.float32))
+
+    def add(k: mi.UInt32, total: mi.Vector4f) -> tuple[mi.UInt32, mi.Vector4f]:
+        d, weight = (dr.gather(mi.Vector4f, table, 2 * k + half) for half in range(2))
+        s = 0.25 * dr.squared_norm(mi.Vector3f(d.x, d.y, d.z) - r)
+        return k + 1, total + weight * (kernel.at(s) * dr.maximum(1 - 2 * s, 0))
+
+    _, total = dr.while_loop(
+        state=(mi.UInt32(0), dr.zeros(mi.Vector4f, dr.width(r))),
+        cond=lambda k, _total: k < count,
+        body=add,
+        labels=("k", "total"),
+        label="whole_sums",
+    )
+    return _flat(total)
+
+
+def _direction(tangents: mi.Float, column: mi.UInt32, line: mi.UInt32) -> mi.Vector3f:
+    """Unit direction of a node in the axes of its face."""
+    x, y = dr.gather(mi.Float, tangents, column), dr.gather(mi.Float, tangents, line)
+    return mi.Vector3f(x, y, 1) * dr.rsqrt(dr.fma(x, x, dr.fma(y, y, 1)))
+
+
+def _flat(values: mi.Vector4f) -> mi.Float:
+    """Four channels a node, flat, evaluated."""
+    flat = dr.ravel(values)
+    dr.eval(flat)
+    return flat
