@@ -1,0 +1,141 @@
+"""`split-sum`: image-based lighting of real-time engines, a prefiltered cube times an albedo from two terms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import get_args
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr import backend
+from rsibr.errors import InputError, did_you_mean
+from rsibr.geometry.projections.bordered_texels import BorderedTexels
+from rsibr.light.harmonic_irradiance import HarmonicIrradiance, light_coefficients
+from rsibr.methods.cosine_table import CosineTable
+from rsibr.methods.inputs import MethodInputs
+from rsibr.methods.protocol import Needs, PointwiseMethod
+from rsibr.methods.registry import register
+from rsibr.methods.split_sum.delta_highlights import DeltaHighlights
+from rsibr.methods.split_sum.material_fit import LobeFit, fit_lobe
+from rsibr.methods.split_sum.multiple_scattering import multiple_scattering
+from rsibr.methods.split_sum.options import Albedo
+from rsibr.methods.split_sum.prefiltered_cube import PrefilteredCube, Sources, mip_chain
+
+Array = NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class GlossyLobe:
+    """One prefiltered cube and its factor.
+
+    Attributes
+    ----------
+    cube : PrefilteredCube
+        Environment prefiltered for the lobe's roughness, indexed by the mirror direction.
+    albedo : CosineTable
+        Directional albedo by the cosine of the view angle.
+    """
+
+    cube: PrefilteredCube
+    albedo: CosineTable
+
+
+class SplitSum(PointwiseMethod):
+    """Split sum: ∫ f L cos θ dω ≈ E(n·v) · (prefiltered environment in the mirror direction), for each glossy lobe.
+
+    Parameters
+    ----------
+    inputs : MethodInputs
+        Light and lobes of a bake.
+    albedo, multiscatter, chain, size
+        See `split_sum`.
+
+    Attributes
+    ----------
+    fits : list of LobeFit
+        The fit of each lobe, with its errors.
+    fit_error : float
+        Largest error of a fit, of a lobe's distribution of slopes or of its albedo.
+    """
+
+    def __init__(
+        self, inputs: MethodInputs, *, albedo: Albedo, multiscatter: bool, chain: bool, size: int | None
+    ) -> None:
+        super().__init__(inputs)
+        self.name = "split-sum"
+        self.fits = [fit_lobe(name, *lobe) for name, lobe in inputs.shapes.items()]
+        self.fit_error = max((fit.error for fit in self.fits), default=0.0)
+        sources = Sources.of(inputs.light)
+        glossy = [fit for fit in self.fits if fit.exact.any()]
+        albedos = [fit.exact if albedo == "exact" else fit.fitted for fit in glossy]
+        levels = mip_chain(sources, *([size] if size else [])) if chain else None
+        self.glossy = [
+            GlossyLobe(_cube(sources, fit.alpha, levels, size), CosineTable.of(one))
+            for fit, one in zip(glossy, albedos, strict=True)
+        ]
+        diffuse = sum((fit.matte for fit in self.fits), start=np.zeros((1, 3)))
+        again = multiple_scattering(glossy, albedos) if multiscatter else 0.0
+        self.diffuse = CosineTable.of(np.maximum(diffuse + again, 0))
+        self.highlights = DeltaHighlights.of(inputs.light, self.fits, self.diffuse)
+        self.irradiance = HarmonicIrradiance.of(light_coefficients(inputs.light))
+
+    @backend.in_session
+    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
+        """See `Method.eval`."""
+        cosine = dr.dot(n, v)
+        mirrored = 2 * cosine * n - v
+        total = self.diffuse.colour(cosine) * self.irradiance.mean_radiance(n)
+        for lobe in self.glossy:
+            total += lobe.albedo.colour(cosine) * lobe.cube.lookup(mirrored)
+        return total if self.highlights is None else total + self.highlights.radiance(n, v)
+
+
+def _cube(
+    sources: Sources, alpha: float, levels: Sequence[BorderedTexels] | None, size: int | None
+) -> PrefilteredCube:
+    """Cube of a lobe: its own, or between two levels of the chain."""
+    return PrefilteredCube.exact(sources, alpha, size) if levels is None else PrefilteredCube.in_chain(levels, alpha)
+
+
+@register(
+    "split-sum",
+    summary="Karis (2013): GGX-prefiltered cube times a two-term albedo, as engines do",
+    needs=Needs(light=True, lobes=True),
+    sees_delta_lights=True,
+    rank=80,
+)
+def split_sum(
+    inputs: MethodInputs,
+    *,
+    albedo: Albedo = "dfg",
+    multiscatter: bool = False,
+    chain: bool = False,
+    size: int | None = None,
+) -> SplitSum:
+    """Make the method.
+
+    Parameters
+    ----------
+    inputs : MethodInputs
+        Light and lobes of a bake.
+    albedo : {"dfg", "exact"}
+        Factor of a glossy lobe: F₀ A + F₉₀ B with fitted reflectances, as engines have it, or the lobe's own
+        directional albedo.
+    multiscatter : bool
+        Add the light scattered more than once between microfacets (Fdez-Agüera 2019). Off by default, as printed by
+        Karis; Mitsuba's conductors scatter once.
+    chain : bool
+        Look lobes up between two MIP levels of one chain, as engines store it, and not in a cube of their own
+        roughness.
+    size : int, optional
+        Texels a side of a face of each cube, or of the finest level of the chain; by default chosen by the roughness.
+    """
+    if albedo not in get_args(Albedo):
+        names = get_args(Albedo)
+        fix = did_you_mean(str(albedo), names) + f"use one of: {', '.join(names)}"
+        raise InputError(f"unknown albedo '{albedo}'", where="split-sum", fix=fix)
+    return SplitSum(inputs, albedo=albedo, multiscatter=multiscatter, chain=chain, size=size)
