@@ -57,21 +57,27 @@ def places_in_charts(d: Array, margin: float) -> tuple[NDArray[np.intp], NDArray
         (u, v).
     """
     if margin == 0:
-        along = np.abs(d)
-        axis = along.argmax(axis=1)
-        point = np.arange(len(d))
-        face = 2 * axis + (d[point, axis] < 0)
-        local = np.einsum("nij,nj->ni", AXES[face], d)
-        return point, face, np.arctan(local[:, :2] / local[:, 2:]) * (4 / np.pi)
-    found = []
-    for face, axes in enumerate(AXES):
-        local = d @ axes.T
-        reach = np.tan(np.pi / 4 * (1 + margin)) * local[:, 2]
-        inside = np.flatnonzero((np.abs(local[:, 0]) <= reach) & (np.abs(local[:, 1]) <= reach))
-        place = np.arctan(local[inside, :2] / local[inside, 2:]) * (4 / np.pi)
-        found.append((inside, np.full(len(inside), face), place))
-    points, faces, places = zip(*found, strict=True)
-    return np.concatenate(points), np.concatenate(faces), np.concatenate(places)
+        axis = np.abs(d).argmax(axis=1)
+        own = 2 * axis + (np.take_along_axis(d, axis[:, None], axis=1)[:, 0] < 0)
+        inside = [np.flatnonzero(own == face) for face in range(FACES)]
+    else:
+        columns = np.ascontiguousarray(d.T)
+        inside = [_within_chart(columns, face, np.tan(np.pi / 4 * (1 + margin))) for face in range(FACES)]
+    places = []
+    for axes, point in zip(AXES, inside, strict=True):
+        local = d[point] @ axes.T
+        places.append(np.arctan(local[:, :2] / local[:, 2:]) * (4 / np.pi))
+    face = np.repeat(np.arange(FACES), [len(point) for point in inside])
+    return np.concatenate(inside), face, np.concatenate(places)
+
+
+def _within_chart(columns: Array, face: int, reach: float) -> NDArray[np.intp]:
+    """Directions, shape (3, n), at most `reach` to the side of a face's middle, in units of the distance outward."""
+    axis = face // 2
+    ahead = np.flatnonzero(columns[axis] < 0 if face % 2 else columns[axis] > 0)
+    limit = reach * np.abs(columns[axis, ahead])
+    beside = [np.abs(columns[other, ahead]) <= limit for other in range(3) if other != axis]
+    return np.asarray(ahead[beside[0] & beside[1]])
 
 
 def spread(place: Array, face: NDArray[np.intp], values: Array, size: int, margin: int) -> NDArray[np.float32]:

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from rsibr.lobes.albedo import node_cosines
-from rsibr.lobes.basis import COAT_IOR
 from rsibr.lobes.facet_moments import cosines, facet_moments, matte_energy
 from rsibr.lobes.gaussians import LobeShape
-from rsibr.lobes.microfacet import schlick
+from rsibr.lobes.microfacet import ggx_density, schlick
+from rsibr.lobes.probe_directions import ProbeDirections
+from rsibr.lobes.shape_fit import shape_values
 from rsibr.methods.split_sum.dfg import dfg
 
 Array = NDArray[np.float64]
 
-_ALPHAS = np.geomspace(1e-3, 1.5, 400)
-_SLOPES = np.geomspace(1e-4, 30, 400)
-_MEAN_GRAZING = 1 / 21  # mean of (1 − cos θ)⁵ over the cosine lobe
+_ALPHAS = np.geomspace(1e-3, 1.0, 200)
+_ANGLES = np.geomspace(1e-4, np.pi / 2, 500)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class LobeFit:
     matte : ndarray, shape (NODES, 3)
         Directional albedo of the lobe's matte part.
     slope_error : float
-        Greatest difference of the cumulative distributions of slopes (Kolmogorov–Smirnov), of the lobe and of GGX.
+        Greatest difference of the shares of light within an angle, of the lobe and of GGX, head-on; `nearest_alpha`.
     albedo_error : float
         Root mean square of `fitted` − `exact` over the disk of a sphere map, over that of `exact`.
     """
@@ -100,36 +101,57 @@ def glossy_share(shape: LobeShape) -> Array:
 
 
 def nearest_alpha(shape: LobeShape) -> tuple[float, float]:
-    """Roughness α of the GGX distribution nearest to a lobe's Gaussians, and the greatest difference left.
+    """Roughness α of the GGX lobe nearest to the glossy part of a lobe seen head-on, and the difference left.
 
     Parameters
     ----------
     shape : LobeShape
-        A lobe that is no mirror. Slopes under a coat count by what they deflect in air, `COAT_IOR` times as much.
+        A lobe that is no mirror.
 
     Returns
     -------
     alpha : float
-        Least ∫ (P − P_GGX)² d log t of the cumulative distributions of slopes t, P_GGX = t²/(α² + t²); 0 without a
-        glossy part.
+        Least ∫ (P − P_GGX)² d log θ of the shares of the reflected light within the angle θ of the normal. Head-on, half
+        vectors lie at θ/2: these are distributions of slopes, as far as they can be seen. 0 without a glossy part.
     error : float
-        Greatest |P − P_GGX|.
+        Greatest |P − P_GGX| (Kolmogorov–Smirnov).
     """
-    sigmas = np.concatenate([shape.bare.sigmas, COAT_IOR * shape.coated.sigmas])
-    weights = np.concatenate(
-        [(one.plain + _MEAN_GRAZING * one.grazing).mean(axis=1) for one in (shape.bare, shape.coated)]
-    )
-    if not weights.any():
+    held = _head_on(shape)
+    if held[-1] <= 0:
         return 0.0, 0.0
-    squares = _SLOPES[:, None] ** 2
-    held = (1 - np.exp(-squares / (2 * sigmas**2))) @ (weights / weights.sum())
-    differences = held[:, None] - squares / (squares + _ALPHAS**2)
+    differences = (held / held[-1])[:, None] - _ggx_head_on()
     errors = (differences**2).sum(axis=0)
     best = int(np.clip(errors.argmin(), 1, len(_ALPHAS) - 2))
     below, least, above = errors[best - 1 : best + 2]
     shift = 0.5 * (below - above) / max(below - 2 * least + above, 1e-30)  # vertex of the parabola
     alpha = float(_ALPHAS[best] * (_ALPHAS[1] / _ALPHAS[0]) ** np.clip(shift, -1, 1))
-    return min(alpha, 1.0), float(np.abs(differences[:, best]).max())
+    return alpha, float(np.abs(differences[:, best]).max())
+
+
+def _head_on(shape: LobeShape) -> Array:
+    """Light that the glossy part reflects within each angle of the normal, for v = n; shape (angles,)."""
+    flat = np.zeros(len(_ANGLES))
+    wi = np.stack([np.sin(_ANGLES), flat, np.cos(_ANGLES)], axis=1)
+    probes = ProbeDirections(wi, np.broadcast_to([0.0, 0.0, 1.0], wi.shape), flat + 1)
+    values = shape_values(replace(shape, matte=np.zeros((2, 3))), probes).mean(axis=1)
+    return _within(values[:, None])[:, 0]
+
+
+@cache
+def _ggx_head_on() -> Array:
+    """The same of GGX without a Fresnel term, over the whole; shape (angles, alphas)."""
+    cosine = np.cos(_ANGLES)[:, None]
+    shadowing = 2 * cosine / (cosine + np.sqrt(_ALPHAS**2 + (1 - _ALPHAS**2) * cosine**2))
+    held = _within(ggx_density(np.cos(_ANGLES / 2)[:, None], _ALPHAS) * shadowing)
+    return np.asarray(held / held[-1])
+
+
+def _within(values: Array) -> Array:
+    """Running integral over the sphere of values (angles, …) that depend on the angle to the normal alone."""
+    steps = np.diff(_ANGLES)[:, None]
+    ring = values * np.sin(_ANGLES)[:, None]
+    start = ring[:1] * (_ANGLES[0] / 2)
+    return np.concatenate([start, start + np.cumsum(0.5 * steps * (ring[1:] + ring[:-1]), axis=0)])
 
 
 def disk_weights() -> Array:
