@@ -126,7 +126,9 @@ def lagrange(t: Array) -> list[Array]:
 
 
 def interpolated(nodes: mi.Float, size: int, margin: int, face: mi.UInt32, place: mi.Point2f) -> mi.Vector4f:
-    """Cubic interpolation of four channels in a chart.
+    """Cubic interpolation of four channels in a chart, nowhere below the least of the four nodes around and zero.
+
+    Without that bound it would undershoot next to steep flanks.
 
     Parameters
     ----------
@@ -143,11 +145,14 @@ def interpolated(nodes: mi.Float, size: int, margin: int, face: mi.UInt32, place
     left, down = mi.UInt32(x), mi.UInt32(y)
     across, along = lagrange(x - mi.Float(left)), lagrange(y - mi.Float(down))
     corner = (face * side + down - 1) * side + left - 1
-    total = mi.Vector4f(0)
+    total, least = mi.Vector4f(0), mi.Vector4f(dr.inf)
     for row in range(STENCIL):
         for column in range(STENCIL):
-            total += dr.gather(mi.Vector4f, nodes, corner + row * side + column) * (across[column] * along[row])
-    return total
+            value = dr.gather(mi.Vector4f, nodes, corner + row * side + column)
+            total = dr.fma(value, across[column] * along[row], total)
+            if {row, column} <= {1, 2}:
+                least = dr.minimum(least, value)
+    return dr.maximum(total, dr.maximum(least, 0))
 
 
 def place_in_face(d: mi.Vector3f) -> tuple[mi.UInt32, mi.Point2f]:

@@ -3,9 +3,12 @@
 Kernel sums ∫ K(r·l) L(l) dω are split over length scales. Level j holds the light in charts of spacing h_j = 2ʲ h_0 and
 sums K_j = T_{j−1} − T_j, where T_j is the kernel softened inside R_j = `REACH` h_j (and T_{−1} the kernel itself): it
 vanishes beyond R_j, so that a window of a fixed number of nodes holds all of it. The last level sums T_j over the whole
-sphere. Every K_j is smooth on its own grid; cubic interpolation brings light to the nodes and sums back from them.
-Energies count from their own centroids, all weights of light are positive up to the error of interpolation, and a
-faint sky next to a sun keeps its own relative error.
+sphere. Every K_j is smooth on its own grid; cubic interpolation brings light to the nodes and sums back from them, so
+that errors are relative to the kernel where it is summed: a faint sky next to a sun keeps its own. (Brandt & Lubrecht
+1990; known as multilevel summation from Coulomb forces, Skeel et al. 2002.)
+
+Wide kernels have one level. Their kink at the horizon is no less steep than their peak, and cubic weights would ring
+there: light is merged into the centroids of `CELLS` cells a side instead.
 """
 
 from __future__ import annotations
@@ -39,6 +42,12 @@ COARSEST = 48
 
 FINENESS = 4.7
 """Nodes a side of a face times α on the finest level: six of them in the kernel's half-width 2α."""
+
+FEWEST = 32
+"""Nodes a side of a face, at least: of the kink at the horizon."""
+
+CELLS = 64
+"""Cells a side of a face into which light is merged under a wide kernel."""
 
 _BORDER = 2  # nodes beyond a face that cubic interpolation inside of it needs
 
@@ -88,7 +97,7 @@ def level_sums(directions: Array, weights: Array, kernel: GGXKernel, finest: int
         levels.append(Level(size, _window_sums(directions, weights, size, inner, outer)))
         directions, weights = _merged(directions, weights, size)
         size, inner = (size + 1) // 2, outer
-    directions, weights = _merged(directions, weights, size)
+    directions, weights = _merged(directions, weights, size) if levels else _centroids(directions, weights, CELLS)
     return [*levels, Level(size, _whole_sums(directions, weights, size, inner))]
 
 
@@ -103,7 +112,7 @@ def summed(levels: list[Level], d: mi.Vector3f) -> mi.Vector4f:
 
 def finest_size(alpha: float, most: int) -> int:
     """Nodes a side of a face that resolve a kernel of roughness `alpha`, at most `most`."""
-    return int(np.clip(np.ceil(FINENESS / alpha), _BORDER * 8, most))
+    return int(np.clip(np.ceil(FINENESS / alpha), min(FEWEST, most), most))
 
 
 def _merged(directions: Array, weights: Array, size: int) -> tuple[Array, Array]:
@@ -115,6 +124,24 @@ def _merged(directions: Array, weights: Array, size: int) -> tuple[Array, Array]
     held = spread(place, face, weights[point], size, _BORDER).reshape(-1, weights.shape[1])
     used = held.any(axis=1)
     return node_directions(size, _BORDER)[used], held[used].astype(np.float64)
+
+
+def _centroids(directions: Array, weights: Array, size: int) -> tuple[Array, Array]:
+    """Sources merged by the cell of a chart that they lie in: one at the centroid of the light of each."""
+    point, face, place = places_in_charts(directions, 0.0)
+    column, row = np.clip((place.T + 1) * (0.5 * size), 0, size - 1).astype(np.intp)
+    cell = (face * size + row) * size + column
+
+    def summed_up(values: Array) -> Array:
+        return np.stack([np.bincount(cell, one, FACES * size * size) for one in values[point].T], axis=1)
+
+    held, brightness = summed_up(weights), weights[:, :-1].sum(axis=1)
+    level = max(float(brightness.sum() / weights[:, -1].sum()), 1e-30)
+    even = 1e-6 * level * weights[:, -1]  # a direction for cells without light
+    centres = summed_up(directions * (brightness + even)[:, None])
+    used = held[:, -1] > 0
+    unit = centres[used] / np.linalg.norm(centres[used], axis=1, keepdims=True)
+    return unit, held[used]
 
 
 def node_directions(size: int, margin: int) -> Array:

@@ -96,7 +96,7 @@ def prefiltered(directions: Array, weights: Array, alpha: float, size: int) -> N
     """
     levels = level_sums(directions, weights, GGXKernel(alpha), finest_size(alpha, size))
     sums = summed(levels, cube_directions(CUBE, size))
-    radiance = dr.maximum(mi.Vector3f(sums.x, sums.y, sums.z), 0) / sums.w
+    radiance = mi.Vector3f(sums.x, sums.y, sums.z) / sums.w
     return np.array(radiance, dtype=np.float32).T.reshape(6, size, size, 3)
 
 
