@@ -87,3 +87,33 @@ class SoftenedKernel:
             series = dr.fma(series, inside, k)
         base = dr.fma(self.slope, dr.maximum(s, self.edge), self.base - self.slope * self.edge)
         return dr.select(s < self.edge, series, 1) * dr.rcp(base * base)
+
+    def mean_at(self, s: mi.Float, variance: mi.Float) -> mi.Float:
+        """Mean of (1 − 2s) T(s) over a small source around s, to second order: f + ½ σ² ∇²f; 0 below the horizon.
+
+        Parameters
+        ----------
+        s : mi.Float
+            sin² θ/2 of the source's centroid.
+        variance : mi.Float
+            Variance σ² [rad²] of its light along one axis.
+
+        Notes
+        -----
+        On the sphere ∇²f = s (1 − s) f'' + (1 − 2s) f' for a function of s alone.
+        """
+        # ---- T and its derivatives: a polynomial inside the edge, a power law outside ----
+        is_inside = s < self.edge
+        x = dr.select(is_inside, self.slope * (self.edge - s) / self.base, 0)
+        shrink = dr.rcp(dr.fma(self.slope, dr.maximum(s, self.edge), self.base - self.slope * self.edge))
+        steep = self.slope * shrink
+        square = shrink * shrink
+        value = square * dr.fma(x, dr.fma(x, dr.fma(x, 4, 3), 2), 1)
+        first = -square * steep * dr.fma(x, dr.fma(x, 12, 6), 2)
+        second = square * steep * steep * dr.fma(x, 24, 6)
+        # ---- Times the cosine of the light ----
+        cosine = 1 - 2 * s
+        slope = cosine * first - 2 * value
+        bend = cosine * second - 4 * first
+        mean = cosine * value + 0.5 * variance * (s * (1 - s) * bend + cosine * slope)
+        return dr.select(cosine > 0, dr.maximum(mean, 0), 0)

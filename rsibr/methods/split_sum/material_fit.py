@@ -158,6 +158,7 @@ def disk_weights() -> Array:
     """Weights of the nodes in the mean over the disk of a sphere map, 2 μ dμ; they sum to 1, shape (NODES,)."""
     squares = node_cosines() ** 2
     weights = np.gradient(squares)
+    weights[[0, -1]] /= 2
     return np.asarray(weights / weights.sum())
 
 

@@ -7,8 +7,9 @@ sphere. Every K_j is smooth on its own grid; cubic interpolation brings light to
 that errors are relative to the kernel where it is summed: a faint sky next to a sun keeps its own. (Brandt & Lubrecht
 1990; known as multilevel summation from Coulomb forces, Skeel et al. 2002.)
 
-Wide kernels have one level. Their kink at the horizon is no less steep than their peak, and cubic weights would ring
-there: light is merged into the centroids of `CELLS` cells a side instead.
+The last level holds the kernel's kink at the horizon, where cubic weights would ring: there light is merged into the
+centroids of cells, which no weight is negative of and a single lamp keeps its place in, and the variance of each cell's
+light corrects the sum to second order.
 """
 
 from __future__ import annotations
@@ -40,14 +41,17 @@ REACH = 10.0
 COARSEST = 48
 """Nodes a side of a face up to which the rest of the kernel is summed over the whole sphere."""
 
-FINENESS = 4.7
-"""Nodes a side of a face times α on the finest level: six of them in the kernel's half-width 2α."""
+FINENESS = 3.0
+"""Nodes a side of a face times α on the finest level: nearly four of them in the kernel's half-width 2α."""
+
+FINEST = 256
+"""Nodes a side of a face, at most."""
 
 FEWEST = 32
 """Nodes a side of a face, at least: of the kink at the horizon."""
 
 CELLS = 64
-"""Cells a side of a face into which light is merged under a wide kernel."""
+"""Cells a side of a face into which light is merged for the last level."""
 
 _BORDER = 2  # nodes beyond a face that cubic interpolation inside of it needs
 
@@ -91,14 +95,15 @@ def level_sums(directions: Array, weights: Array, kernel: GGXKernel, finest: int
     list of Level
         Their sum at a direction is the sum over the sources; see `summed`.
     """
+    merged = _merged_for_whole(directions, weights)
     levels, size, inner = list[Level](), finest, SoftenedKernel.of(kernel, 0.0)
     while size > COARSEST:
         outer = SoftenedKernel.of(kernel, REACH * np.pi / (2 * size))
         levels.append(Level(size, _window_sums(directions, weights, size, inner, outer)))
-        directions, weights = _merged(directions, weights, size)
         size, inner = (size + 1) // 2, outer
-    directions, weights = _merged(directions, weights, size) if levels else _centroids(directions, weights, CELLS)
-    return [*levels, Level(size, _whole_sums(directions, weights, size, inner))]
+        if size > COARSEST:
+            directions, weights = _merged(directions, weights, 2 * size)
+    return [*levels, Level(size, _whole_sums(*merged, size, inner))]
 
 
 def summed(levels: list[Level], d: mi.Vector3f) -> mi.Vector4f:
@@ -110,9 +115,9 @@ def summed(levels: list[Level], d: mi.Vector3f) -> mi.Vector4f:
     return total
 
 
-def finest_size(alpha: float, most: int) -> int:
-    """Nodes a side of a face that resolve a kernel of roughness `alpha`, at most `most`."""
-    return int(np.clip(np.ceil(FINENESS / alpha), min(FEWEST, most), most))
+def finest_size(alpha: float) -> int:
+    """Nodes a side of a face that resolve a kernel of roughness `alpha`."""
+    return int(np.clip(np.ceil(FINENESS / alpha), FEWEST, FINEST))
 
 
 def _merged(directions: Array, weights: Array, size: int) -> tuple[Array, Array]:
@@ -126,22 +131,38 @@ def _merged(directions: Array, weights: Array, size: int) -> tuple[Array, Array]
     return node_directions(size, _BORDER)[used], held[used].astype(np.float64)
 
 
-def _centroids(directions: Array, weights: Array, size: int) -> tuple[Array, Array]:
-    """Sources merged by the cell of a chart that they lie in: one at the centroid of the light of each."""
+def _merged_for_whole(directions: Array, weights: Array) -> tuple[Array, Array]:
+    """Sources of the last level: light about its centroids, and the fourth quantity, solid angle, about its own.
+
+    Solid angle at the centroids of light would crowd around lamps, and darken them where sums are divided by it.
+    """
+    light, angle = weights * [1, 1, 1, 0], weights * [0, 0, 0, 1]
+    level = max(float(light.sum() / angle.sum()), 1e-30)
+    bright = light.sum(axis=1) + 1e-6 * level * angle[:, 3]  # a direction for cells without light too
+    pair = _centroids(directions, light, bright, CELLS), _centroids(directions, angle, angle[:, 3], CELLS // 2)
+    centres, sums = zip(*pair, strict=True)
+    return np.concatenate(centres), np.concatenate(sums)
+
+
+def _centroids(directions: Array, weights: Array, mass: Array, size: int) -> tuple[Array, Array]:
+    """Sources merged by the cell of a chart that they lie in.
+
+    Returns
+    -------
+    centres : ndarray, shape (cells, 4)
+        Unit direction of the centroid of each cell's mass, and its variance [rad²] along one axis.
+    sums : ndarray, shape (cells, 4)
+        Sum of the weights.
+    """
     point, face, place = places_in_charts(directions, 0.0)
     column, row = np.clip((place.T + 1) * (0.5 * size), 0, size - 1).astype(np.intp)
     cell = (face * size + row) * size + column
-
-    def summed_up(values: Array) -> Array:
-        return np.stack([np.bincount(cell, one, FACES * size * size) for one in values[point].T], axis=1)
-
-    held, brightness = summed_up(weights), weights[:, :-1].sum(axis=1)
-    level = max(float(brightness.sum() / weights[:, -1].sum()), 1e-30)
-    even = 1e-6 * level * weights[:, -1]  # a direction for cells without light
-    centres = summed_up(directions * (brightness + even)[:, None])
-    used = held[:, -1] > 0
-    unit = centres[used] / np.linalg.norm(centres[used], axis=1, keepdims=True)
-    return unit, held[used]
+    values = np.concatenate([directions * mass[:, None], mass[:, None], weights], axis=1)[point]
+    held = np.stack([np.bincount(cell, one, FACES * size * size) for one in values.T], axis=1)
+    held = held[held[:, 3] > 0]
+    mean = held[:, :3] / held[:, 3:4]
+    length = np.linalg.norm(mean, axis=1, keepdims=True)
+    return np.concatenate([mean / length, np.maximum(1 - length**2, 0) / 2], axis=1), held[:, 4:]
 
 
 def node_directions(size: int, margin: int) -> Array:
@@ -213,16 +234,16 @@ def _window_sums(
     return _flat(total)
 
 
-def _whole_sums(directions: Array, weights: Array, size: int, kernel: SoftenedKernel) -> mi.Float:
-    """Sums over all sources of a softened kernel."""
-    rows = np.concatenate([directions, np.zeros((len(directions), 1)), weights], axis=1)
+def _whole_sums(centres: Array, weights: Array, size: int, kernel: SoftenedKernel) -> mi.Float:
+    """Sums over all merged sources (`_centroids`) of a softened kernel."""
+    rows = np.concatenate([centres, weights], axis=1)
     table, count = to_device(mi.Float, rows.astype(np.float32)), dr.opaque(mi.UInt32, len(rows))
     r = mi.Vector3f(np.ascontiguousarray(node_directions(size, _BORDER).T, dtype=np.float32))
 
     def add(k: mi.UInt32, total: mi.Vector4f) -> tuple[mi.UInt32, mi.Vector4f]:
         d, weight = (dr.gather(mi.Vector4f, table, 2 * k + half) for half in range(2))
         s = 0.25 * dr.squared_norm(mi.Vector3f(d.x, d.y, d.z) - r)
-        return k + 1, total + weight * (kernel.at(s) * dr.maximum(1 - 2 * s, 0))
+        return k + 1, dr.fma(weight, kernel.mean_at(s, d.w), total)
 
     _, total = dr.while_loop(
         state=(mi.UInt32(0), dr.zeros(mi.Vector4f, dr.width(r))),

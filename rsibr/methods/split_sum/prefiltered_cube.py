@@ -92,9 +92,9 @@ def prefiltered(directions: Array, weights: Array, alpha: float, size: int) -> N
 
     Notes
     -----
-    Numerator and denominator are the same sum, so that constant light stays what it is.
+    Numerator and denominator are sums over the same charts, so that constant light stays what it is within 1e-3.
     """
-    levels = level_sums(directions, weights, GGXKernel(alpha), finest_size(alpha, size))
+    levels = level_sums(directions, weights, GGXKernel(alpha), finest_size(alpha))
     sums = summed(levels, cube_directions(CUBE, size))
     radiance = mi.Vector3f(sums.x, sums.y, sums.z) / sums.w
     return np.array(radiance, dtype=np.float32).T.reshape(6, size, size, 3)

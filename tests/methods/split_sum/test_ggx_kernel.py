@@ -38,3 +38,20 @@ def test_a_softened_kernel_is_the_kernel_outside_and_smooth_inside():
     slope = np.abs(np.diff(np.array(soft.at(s)), n=2))
     assert slope.max() < 1e-3 * float(np.array(soft.at(mi.Float(0))).item())
     assert dr.all(soft.at(s) > 0)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.4])
+def test_a_small_source_counts_by_its_variance(radius):
+    """Against the mean over a ring of sources around a direction at angle θ."""
+    kernel, width = SoftenedKernel.of(GGXKernel(0.2), radius), 0.03
+    turn = (np.arange(64) + 0.5) * 2 * np.pi / 64
+    for angle in (0.1, 0.3, 0.6, 1.3):
+        middle, side = np.array([np.sin(angle), 0, np.cos(angle)]), np.array([np.cos(angle), 0, -np.sin(angle)])
+        ring = np.outer(np.cos(turn), side) + np.outer(np.sin(turn), [0, 1, 0])
+        around = np.cos(width) * middle + np.sin(width) * ring
+        s = mi.Float((1 - around[:, 2]) / 2)
+        wanted = np.array(kernel.at(s) * (1 - 2 * s), dtype=np.float64).mean()
+        found = kernel.mean_at(mi.Float((1 - np.cos(angle)) / 2), mi.Float(width**2 / 2))
+        alone = kernel.mean_at(mi.Float((1 - np.cos(angle)) / 2), mi.Float(0))
+        error, without = (abs(float(np.array(one).item()) - wanted) for one in (found, alone))
+        assert error < 0.05 * without + 1e-4 * wanted

@@ -18,6 +18,7 @@ from rsibr.lobes.albedo import node_cosines
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.split_sum.dfg import dfg
+from rsibr.methods.split_sum.material_fit import nearest_alpha
 from rsibr.methods.split_sum.split_sum import split_sum
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
@@ -66,14 +67,15 @@ def test_the_exact_albedo_is_the_lobes_own(rng):
     method = made(light_of(lambda _: GREY), (lobe_shapes.ggx(0.1), wavy), albedo="exact")
     n, v = pairs(rng)
     cosine = (n * v).sum(axis=1)
-    np.testing.assert_allclose(evaluated(method, n, v), GREY * (0.5 + 0.3 * np.sin(9 * cosine))[:, None], rtol=5e-3)
+    np.testing.assert_allclose(evaluated(method, n, v), GREY * (0.5 + 0.3 * np.sin(9 * cosine))[:, None], rtol=1e-2)
     assert method.fit_error > 0.1
 
 
 def test_a_white_lobe_reflects_everything_with_multiple_scattering(rng):
-    once = np.repeat(dfg(node_cosines(), np.array([0.8]))[0].sum(axis=1)[:, None], 3, axis=1)
+    shape = lobe_shapes.ggx(0.8)
+    once = dfg(node_cosines(), np.array([nearest_alpha(shape)[0]]))[0].sum(axis=1)
     n, v = pairs(rng)
-    lobe = lobe_shapes.ggx(0.8), once
+    lobe = shape, np.repeat(once[:, None], 3, axis=1)
     sky = light_of(lambda _: GREY)
     np.testing.assert_allclose(evaluated(made(sky, lobe, multiscatter=True), n, v), GREY + 0 * n, rtol=0.02)
     assert (evaluated(made(sky, lobe), n, v) < 0.9 * GREY).all()
@@ -145,5 +147,5 @@ def test_highlights_lie_where_the_path_tracer_has_them(material, small_bakes, as
         found = method.map(frame, 48).numpy()[..., :3]
         error = ((found - truth)[covered] ** 2).mean() / (truth[covered] ** 2).mean()
         turned = ((found[:, ::-1] - truth)[covered] ** 2).mean() / (truth[covered] ** 2).mean()
-        assert error < 0.03
-        assert turned > 4 * error
+        assert error < 0.1
+        assert turned > 10 * error
