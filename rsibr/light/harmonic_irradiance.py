@@ -60,7 +60,9 @@ def light_coefficients(light: Light, *, delta: bool = False) -> Array:
     size = len(light.picture)
     directions = np.array(texel_directions(size), dtype=np.float64).T
     found = harmonic_coefficients(directions, light.picture.reshape(-1, 3) * texel_solid_angles(size)[:, None])
-    return found + harmonic_coefficients(light.delta.directions, light.delta.irradiance) if delta else found
+    if delta and len(light.delta):
+        found += harmonic_coefficients(light.delta.directions.astype(float), light.delta.irradiance.astype(float))
+    return found
 
 
 @dataclass(eq=False)

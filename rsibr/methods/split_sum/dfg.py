@@ -15,7 +15,7 @@ from rsibr.lobes.microfacet import schlick
 Array = NDArray[np.float64]
 
 Masking = Literal["separable", "correlated"]
-"""Smith's masking and shadowing: the product of both, as Mitsuba's BSDFs have it, or Heitz's (2014) height-correlated."""
+"""Smith's masking and shadowing: their product, as in Mitsuba's BSDFs, or height-correlated (Heitz 2014, eq. 99)."""
 
 _AROUND = 64  # nodes of the quadrature over visible normals, around
 _PANELS, _ORDER = 16, 16  # and outward: Gauss–Legendre in panels, because grazing light ends with a kink

@@ -8,10 +8,6 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
-
-TAYLOR = 4
-"""Terms of the expansion that continues the kernel inside a radius."""
 
 
 @dataclass(frozen=True)
@@ -38,23 +34,10 @@ class GGXKernel:
         base = square + (1 - square) * s
         return square / (4 * np.pi) * xp.maximum(1 - 2 * s, 0) / (base * base)
 
-    def band_factors(self, count: int) -> NDArray[np.float64]:
-        """Factors of the bands 0 … count − 1 of spherical harmonics: ∫ K P_l dω / ∫ K dω, by quadrature."""
-        # Substitution s = α² (q^…): nodes even in log(α² + b s), where K is a power law
-        x, weight = np.polynomial.legendre.leggauss(max(4 * count, 400))
-        square = self.alpha**2
-        low, high = np.log(square), np.log(square + (1 - square) / 2)
-        base = np.exp(low + (x + 1) / 2 * (high - low))
-        s = (base - square) / (1 - square)
-        measure = weight * base / (1 - square) * self.value(s)
-        legendre = np.polynomial.legendre.legvander(1 - 2 * s, count - 1)
-        moments = measure @ legendre
-        return np.asarray(moments / moments[0])
-
 
 @dataclass(frozen=True)
 class SoftenedKernel:
-    """α²-free part (α² + b s)⁻² of the kernel, continued inside a radius by its Taylor polynomial in s.
+    """α²-free part (α² + b s)⁻² of the kernel, continued inside a radius by its Taylor polynomial of degree 3 in s.
 
     The difference of two of them vanishes outside the larger radius and is positive: all derivatives alternate.
 
@@ -81,12 +64,8 @@ class SoftenedKernel:
 
     def at(self, s: mi.Float) -> mi.Float:
         """Value by s = sin² θ/2."""
-        inside = self.slope * (self.edge - s) / self.base  # (1 − x)⁻² = Σ (k + 1) xᵏ
-        series = mi.Float(TAYLOR)
-        for k in range(TAYLOR - 1, 0, -1):
-            series = dr.fma(series, inside, k)
-        base = dr.fma(self.slope, dr.maximum(s, self.edge), self.base - self.slope * self.edge)
-        return dr.select(s < self.edge, series, 1) * dr.rcp(base * base)
+        x, shrink = self._terms(s)
+        return shrink * shrink * dr.fma(x, dr.fma(x, dr.fma(x, 4, 3), 2), 1)
 
     def mean_at(self, s: mi.Float, variance: mi.Float) -> mi.Float:
         """Mean of (1 − 2s) T(s) over a small source around s, to second order: f + ½ σ² ∇²f; 0 below the horizon.
@@ -103,9 +82,7 @@ class SoftenedKernel:
         On the sphere ∇²f = s (1 − s) f'' + (1 − 2s) f' for a function of s alone.
         """
         # ---- T and its derivatives: a polynomial inside the edge, a power law outside ----
-        is_inside = s < self.edge
-        x = dr.select(is_inside, self.slope * (self.edge - s) / self.base, 0)
-        shrink = dr.rcp(dr.fma(self.slope, dr.maximum(s, self.edge), self.base - self.slope * self.edge))
+        x, shrink = self._terms(s)
         steep = self.slope * shrink
         square = shrink * shrink
         value = square * dr.fma(x, dr.fma(x, dr.fma(x, 4, 3), 2), 1)
@@ -117,3 +94,8 @@ class SoftenedKernel:
         bend = cosine * second - 4 * first
         mean = cosine * value + 0.5 * variance * (s * (1 - s) * bend + cosine * slope)
         return dr.select(cosine > 0, dr.maximum(mean, 0), 0)
+
+    def _terms(self, s: mi.Float) -> tuple[mi.Float, mi.Float]:
+        """Return x with (1 − x)⁻² = Σ (k + 1) xᵏ, 0 outside the edge, and (α² + b s)⁻¹, inside as at the edge."""
+        x = dr.select(s < self.edge, self.slope * (self.edge - s) / self.base, 0)
+        return x, dr.rcp(dr.fma(self.slope, dr.maximum(s, self.edge), self.base - self.slope * self.edge))

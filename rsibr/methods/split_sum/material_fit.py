@@ -111,8 +111,8 @@ def nearest_alpha(shape: LobeShape) -> tuple[float, float]:
     Returns
     -------
     alpha : float
-        Least ∫ (P − P_GGX)² d log θ of the shares of the reflected light within the angle θ of the normal. Head-on, half
-        vectors lie at θ/2: these are distributions of slopes, as far as they can be seen. 0 without a glossy part.
+        Least ∫ (P − P_GGX)² d log θ of the shares of the reflected light within the angle θ of the normal. Head-on,
+        half vectors lie at θ/2: these are distributions of slopes, as far as they are seen. 0 without a glossy part.
     error : float
         Greatest |P − P_GGX| (Kolmogorov–Smirnov).
     """

@@ -140,8 +140,7 @@ def _merged_for_whole(directions: Array, weights: Array) -> tuple[Array, Array]:
     level = max(float(light.sum() / angle.sum()), 1e-30)
     bright = light.sum(axis=1) + 1e-6 * level * angle[:, 3]  # a direction for cells without light too
     pair = _centroids(directions, light, bright, CELLS), _centroids(directions, angle, angle[:, 3], CELLS // 2)
-    centres, sums = zip(*pair, strict=True)
-    return np.concatenate(centres), np.concatenate(sums)
+    return np.concatenate([centres for centres, _ in pair]), np.concatenate([sums for _, sums in pair])
 
 
 def _centroids(directions: Array, weights: Array, mass: Array, size: int) -> tuple[Array, Array]:
@@ -162,7 +161,8 @@ def _centroids(directions: Array, weights: Array, mass: Array, size: int) -> tup
     held = held[held[:, 3] > 0]
     mean = held[:, :3] / held[:, 3:4]
     length = np.linalg.norm(mean, axis=1, keepdims=True)
-    return np.concatenate([mean / length, np.maximum(1 - length**2, 0) / 2], axis=1), held[:, 4:]
+    centres = np.concatenate([mean / length, np.maximum(1 - length**2, 0) / 2], axis=1)
+    return centres, np.asarray(held[:, 4:], dtype=np.float64)
 
 
 def node_directions(size: int, margin: int) -> Array:

@@ -1,4 +1,4 @@
-"""GGX-prefiltered cube of the environment: one for a lobe's own roughness, or a chain of MIP levels as engines store it."""
+"""GGX-prefiltered cube of the environment, for a lobe's own roughness, or in a chain of MIP levels as in engines."""
 
 from __future__ import annotations
 
@@ -57,20 +57,9 @@ class Sources:
         """Sources of a bake's light; delta lights are not among them."""
         size = len(light.picture)
         directions = np.array(texel_directions(size), dtype=np.float64).T
-        return cls(light, *_weighted(directions, light.picture.reshape(-1, 3), texel_solid_angles(size)))
-
-    @classmethod
-    def of_image(cls, image: SphereImage) -> tuple[Array, Array]:
-        """Directions and weights of an image in any projection, for `prefiltered`."""
-        columns = image.values.shape[1], image.values.shape[2]
-        directions = np.array(cube_directions(image.projection, columns), dtype=np.float64).T
-        angles = image.projection.solid_angles(*image.axes).ravel()
-        return _weighted(directions, image.values.reshape(-1, 3), angles)
-
-
-def _weighted(directions: Array, radiance: NDArray[np.float32], angles: Array) -> tuple[Array, Array]:
-    weights = np.concatenate([radiance * angles[:, None], angles[:, None]], axis=1)
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True), weights
+        angles = texel_solid_angles(size)[:, None]
+        weights = np.concatenate([light.picture.reshape(-1, 3) * angles, angles], axis=1)
+        return cls(light, directions / np.linalg.norm(directions, axis=1, keepdims=True), weights)
 
 
 def prefiltered(directions: Array, weights: Array, alpha: float, size: int) -> NDArray[np.float32]:

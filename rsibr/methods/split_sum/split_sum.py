@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import get_args
+from typing import Literal, get_args
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.errors import InputError, did_you_mean
@@ -20,12 +18,12 @@ from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.protocol import Needs, PointwiseMethod
 from rsibr.methods.registry import register
 from rsibr.methods.split_sum.delta_highlights import DeltaHighlights
-from rsibr.methods.split_sum.material_fit import LobeFit, fit_lobe
+from rsibr.methods.split_sum.material_fit import fit_lobe
 from rsibr.methods.split_sum.multiple_scattering import multiple_scattering
-from rsibr.methods.split_sum.options import Albedo
 from rsibr.methods.split_sum.prefiltered_cube import PrefilteredCube, Sources, mip_chain
 
-Array = NDArray[np.float64]
+Albedo = Literal["dfg", "exact"]
+"""Factor of a glossy lobe: F₀ A + F₉₀ B, or the lobe's own directional albedo."""
 
 
 @dataclass(eq=False)
@@ -94,9 +92,7 @@ class SplitSum(PointwiseMethod):
         return total if self.highlights is None else total + self.highlights.radiance(n, v)
 
 
-def _cube(
-    sources: Sources, alpha: float, levels: Sequence[BorderedTexels] | None, size: int | None
-) -> PrefilteredCube:
+def _cube(sources: Sources, alpha: float, levels: list[BorderedTexels] | None, size: int | None) -> PrefilteredCube:
     """Cube of a lobe: its own, or between two levels of the chain."""
     return PrefilteredCube.exact(sources, alpha, size) if levels is None else PrefilteredCube.in_chain(levels, alpha)
 

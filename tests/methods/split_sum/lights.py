@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rsibr.geometry.projections.octahedral import texel_directions, texel_solid_angles
+from rsibr.geometry.projections.octahedral import texel_directions
 from rsibr.light.radiance import Light
 from rsibr.methods.split_sum.ggx_kernel import GGXKernel
 
@@ -49,3 +49,14 @@ def brute(directions, weights, alpha, places):
         weighed = kernel.value(((directions - place) ** 2).sum(axis=1) / 4) @ weights
         rows.append(weighed[:3] / weighed[3])
     return np.array(rows)
+
+
+def band_factors(alpha, count):
+    """Factors of the bands 0 … count − 1 of spherical harmonics: ∫ K P_l dω / ∫ K dω, by quadrature over s."""
+    x, weight = np.polynomial.legendre.leggauss(400)
+    square = alpha**2  # nodes even in log(α² + b s), where K is a power law
+    low, high = np.log(square), np.log(square + (1 - square) / 2)
+    base = np.exp(low + (x + 1) / 2 * (high - low))
+    s = (base - square) / (1 - square)
+    moments = (weight * base * GGXKernel(alpha).value(s)) @ np.polynomial.legendre.legvander(1 - 2 * s, count - 1)
+    return moments / moments[0]

@@ -6,7 +6,6 @@ import pytest
 
 from rsibr.geometry.projections.cube import CUBE
 from rsibr.geometry.projections.sphere_image import texel_directions, texel_solid_angles
-from rsibr.methods.split_sum.ggx_kernel import GGXKernel
 from rsibr.methods.split_sum.prefiltered_cube import (
     PrefilteredCube,
     Sources,
@@ -17,7 +16,7 @@ from rsibr.methods.split_sum.prefiltered_cube import (
     roughness_of_level,
 )
 from tests.arrays import unit_vectors
-from tests.methods.split_sum.lights import brute, lamps, light_of, sun, unit_texels
+from tests.methods.split_sum.lights import band_factors, brute, lamps, light_of, sun, unit_texels
 
 
 def centres(size):
@@ -42,13 +41,13 @@ def test_it_is_the_sum_over_all_light(alpha, size, rng):
 def test_it_keeps_the_energy():
     sources = Sources.of(light_of(lamps))
     total = sources.weights[:, :3].sum(axis=0)
-    for alpha in (0.3, 0.09, 0.03):
+    for alpha in (0.3, 0.05):
         found = prefiltered(sources.directions, sources.weights, alpha, 64)
         kept = np.einsum("fhw,fhwc->c", texel_solid_angles(CUBE, 64), found)
         np.testing.assert_allclose(kept, total, rtol=0.002)
 
 
-@pytest.mark.parametrize("alpha", [0.02, 0.2, 1.0])
+@pytest.mark.parametrize("alpha", [0.04, 1.0])
 def test_constant_light_stays_what_it_is(alpha):
     sources = Sources.of(light_of(lambda _: np.array([[0.5, 1.0, 2.0]])))
     found = prefiltered(sources.directions, sources.weights, alpha, 48)
@@ -58,7 +57,7 @@ def test_constant_light_stays_what_it_is(alpha):
 @pytest.mark.parametrize("alpha", [0.05, 0.5])
 def test_each_band_of_harmonics_is_scaled_by_its_factor(alpha):
     """Legendre polynomials of d·a, shifted to be positive: the factor is a quadrature over the kernel alone."""
-    factors, axis = GGXKernel(alpha).band_factors(13), np.array([0.48, 0.6, -0.64])
+    factors, axis = band_factors(alpha, 13), np.array([0.48, 0.6, -0.64])
     bands = (1, 4, 12)
     legendre = [np.polynomial.legendre.Legendre.basis(band) for band in bands]
     sources = Sources.of(light_of(lambda d: np.stack([2 + p(d @ axis) for p in legendre], axis=1)))
@@ -101,7 +100,7 @@ def test_a_chain_is_exact_at_its_levels_and_between_them_near(rng):
     d = unit_vectors(rng, 200)
     there = mi.Vector3f(d.T.astype(np.float32))
     for alpha in (0.0, roughness_of_level(1, 3), 0.3, 1.0):
-        factor = GGXKernel(max(min(alpha, 1 - 1e-9), 1e-6)).band_factors(2)[1] if alpha else 1.0
+        factor = band_factors(max(min(alpha, 1 - 1e-9), 1e-6), 2)[1] if alpha else 1.0
         found = np.array(PrefilteredCube.in_chain(chain, alpha).lookup(there)).T
         np.testing.assert_allclose(found, 1 + 0.5 * factor * d, atol=0.06 if alpha == 0.3 else 0.012)
 

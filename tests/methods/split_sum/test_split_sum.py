@@ -54,7 +54,9 @@ def test_a_constant_sky_gives_the_albedo(chain, rng):
     f0, f90 = np.array([0.9, 0.5, 0.04]), np.array([1.0, 0.8, 1.0])
     cosines = node_cosines()
     glossy = dfg(cosines, np.array([0.3]))[0] @ np.stack([f0, f90])
-    method = made(light_of(lambda _: GREY), (lobe_shapes.ggx(0.3), glossy), (lobe_shapes.matte(), HALF), chain=chain)
+    method = made(
+        light_of(lambda _: GREY), (lobe_shapes.ggx(0.3), glossy), (lobe_shapes.matte(), HALF), chain=chain, size=48
+    )
     n, v = pairs(rng)
     cosine = (n * v).sum(axis=1)
     expected = GREY * (0.5 + dfg(cosine, np.array([0.3]))[0] @ np.stack([f0, f90]))
@@ -118,7 +120,11 @@ def test_a_new_view_compiles_nothing():
     delta = DeltaLights(np.array([[0, 0, 1]], np.float32), np.ones((1, 3), np.float32))
     light = light_of(lamps)
     method = made(
-        Light(light.picture, delta=delta), (lobe_shapes.ggx(0.1), HALF), (lobe_shapes.matte(), HALF), chain=True
+        Light(light.picture, delta=delta),
+        (lobe_shapes.ggx(0.2), HALF),
+        (lobe_shapes.matte(), HALF),
+        chain=True,
+        size=32,
     )
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         for view in AXES[:3]:
@@ -129,7 +135,7 @@ def test_a_new_view_compiles_nothing():
 
 
 def test_an_unknown_albedo_is_refused():
-    with pytest.raises(InputError, match="unknown albedo 'exakt'.*exact"):
+    with pytest.raises(InputError, match=r"unknown albedo 'exakt'.*exact"):
         made(light_of(lambda _: GREY), (lobe_shapes.ggx(0.1), HALF), albedo="exakt")
 
 
