@@ -14,6 +14,7 @@ import pytest
 
 from rsibr.geometry.projections.cube import CUBE, FACES
 from rsibr.geometry.projections.sphere_image import texel_directions, texel_solid_angles
+from rsibr.methods.split_sum.multilevel_sum import PointSources
 from rsibr.methods.split_sum.prefiltered_cube import prefiltered
 from tests.methods.split_sum.lights import brute, lamps
 from tests.scene.maps import write_exr
@@ -34,20 +35,22 @@ def sky():
     directions = np.stack(parts, axis=-1).reshape(-1, 3)
     angles = np.repeat(-np.diff(edges) * np.pi / HEIGHT, 2 * HEIGHT)[:, None]
     radiance = lamps(directions).astype(np.float32)
-    return radiance.reshape(HEIGHT, -1, 3), directions, np.concatenate([radiance * angles, angles], axis=1)
+    return radiance.reshape(HEIGHT, -1, 3), PointSources(
+        directions, np.concatenate([radiance * angles, angles], axis=1)
+    )
 
 
 @pytest.fixture(scope="module")
 def judge(sky):
     """Return a function: cube → root mean square error over that of the truth at random texels, and energy ratio."""
-    _, directions, weights = sky
+    _, sources = sky
     chosen = np.random.default_rng(5).choice(6 * SIZE * SIZE, PLACES, replace=False)
     places = np.array(texel_directions(CUBE, SIZE), dtype=np.float64).T[chosen]
-    truth = brute(directions, weights, ROUGHNESS**2, places)
+    truth = brute(sources, ROUGHNESS**2, places)
 
     def judged(cube):
         error = np.sqrt(((cube.reshape(-1, 3)[chosen] - truth) ** 2).mean() / (truth**2).mean())
-        energy = np.einsum("fhw,fhwc->", texel_solid_angles(CUBE, SIZE), cube) / weights[:, :3].sum()
+        energy = np.einsum("fhw,fhwc->", texel_solid_angles(CUBE, SIZE), cube) / sources.weights[:, :3].sum()
         return float(error), float(energy)
 
     return judged
@@ -60,10 +63,12 @@ def told(name, seconds, error, energy):
 @pytest.mark.benchmark(group="a GGX-prefiltered cube")
 def test_ours(benchmark, sky, judge):
     """Below 1 %, and within 0.2 % of the energy."""
-    _, directions, weights = sky
-    prefiltered(directions, weights, ROUGHNESS**2, SIZE)  # compiles
+    _, sources = sky
+    prefiltered(sources, ROUGHNESS**2, SIZE)  # compiles
     start = time.process_time()
-    cube = benchmark.pedantic(prefiltered, (directions, weights, ROUGHNESS**2, SIZE), rounds=1)
+    cube = benchmark.pedantic(
+        prefiltered, (PointSources(sources.directions, sources.weights), ROUGHNESS**2, SIZE), rounds=1
+    )
     seconds = time.process_time() - start
     error, energy = judge(cube)
     benchmark.extra_info.update(processor_seconds=seconds, error=error, energy=energy)

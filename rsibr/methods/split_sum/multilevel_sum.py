@@ -15,6 +15,7 @@ light corrects the sum to second order.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
@@ -41,8 +42,8 @@ REACH = 10.0
 COARSEST = 48
 """Nodes a side of a face up to which the rest of the kernel is summed over the whole sphere."""
 
-FINENESS = 3.0
-"""Nodes a side of a face times α on the finest level: nearly four of them in the kernel's half-width 2α."""
+FINENESS = 2.5
+"""Nodes a side of a face times α on the finest level: three of them in the kernel's half-width 2α."""
 
 FINEST = 256
 """Nodes a side of a face, at most."""
@@ -54,6 +55,35 @@ CELLS = 64
 """Cells a side of a face into which light is merged for the last level."""
 
 _BORDER = 2  # nodes beyond a face that cubic interpolation inside of it needs
+
+
+@dataclass(frozen=True, eq=False)
+class PointSources:
+    """Point sources of light.
+
+    Attributes
+    ----------
+    directions : ndarray, shape (n, 3)
+        Unit directions.
+    weights : ndarray, shape (n, 4)
+        Radiance times solid angle in three channels, and solid angle [sr].
+    """
+
+    directions: Array
+    weights: Array
+
+    @cached_property
+    def merged(self) -> tuple[Array, Array]:
+        """Sources of the last level: light about its centroids, and solid angle about its own; see `_centroids`.
+
+        Solid angle at the centroids of light would crowd around lamps, and darken them where sums are divided by it.
+        """
+        light, angle = self.weights * [1, 1, 1, 0], self.weights * [0, 0, 0, 1]
+        level = max(float(light.sum() / angle.sum()), 1e-30)
+        bright = light.sum(axis=1) + 1e-6 * level * angle[:, 3]  # a direction for cells without light too
+        masses = (light, bright, CELLS), (angle, angle[:, 3], CELLS // 2)
+        pair = [_centroids(self.directions, *one) for one in masses]
+        return np.concatenate([centres for centres, _ in pair]), np.concatenate([sums for _, sums in pair])
 
 
 @dataclass(eq=False)
@@ -76,15 +106,13 @@ class Level:
         return interpolated(self.sums, self.size, _BORDER, face, place)
 
 
-def level_sums(directions: Array, weights: Array, kernel: GGXKernel, finest: int) -> list[Level]:
+def level_sums(sources: PointSources, kernel: GGXKernel, finest: int) -> list[Level]:
     """Sum a kernel over point sources.
 
     Parameters
     ----------
-    directions : ndarray, shape (n, 3)
-        Unit directions of the sources.
-    weights : ndarray, shape (n, 4)
-        Four quantities of each, such as three channels of radiance times solid angle, and the solid angle.
+    sources : PointSources
+        Light.
     kernel : GGXKernel
         Kernel; the sums are without its factor α²/(4π).
     finest : int
@@ -95,7 +123,7 @@ def level_sums(directions: Array, weights: Array, kernel: GGXKernel, finest: int
     list of Level
         Their sum at a direction is the sum over the sources; see `summed`.
     """
-    merged = _merged_for_whole(directions, weights)
+    directions, weights = sources.directions, sources.weights
     levels, size, inner = list[Level](), finest, SoftenedKernel.of(kernel, 0.0)
     while size > COARSEST:
         outer = SoftenedKernel.of(kernel, REACH * np.pi / (2 * size))
@@ -103,7 +131,7 @@ def level_sums(directions: Array, weights: Array, kernel: GGXKernel, finest: int
         size, inner = (size + 1) // 2, outer
         if size > COARSEST:
             directions, weights = _merged(directions, weights, 2 * size)
-    return [*levels, Level(size, _whole_sums(*merged, size, inner))]
+    return [*levels, Level(size, _whole_sums(*sources.merged, size, inner))]
 
 
 def summed(levels: list[Level], d: mi.Vector3f) -> mi.Vector4f:
@@ -129,18 +157,6 @@ def _merged(directions: Array, weights: Array, size: int) -> tuple[Array, Array]
     held = spread(place, face, weights[point], size, _BORDER).reshape(-1, weights.shape[1])
     used = held.any(axis=1)
     return node_directions(size, _BORDER)[used], held[used].astype(np.float64)
-
-
-def _merged_for_whole(directions: Array, weights: Array) -> tuple[Array, Array]:
-    """Sources of the last level: light about its centroids, and the fourth quantity, solid angle, about its own.
-
-    Solid angle at the centroids of light would crowd around lamps, and darken them where sums are divided by it.
-    """
-    light, angle = weights * [1, 1, 1, 0], weights * [0, 0, 0, 1]
-    level = max(float(light.sum() / angle.sum()), 1e-30)
-    bright = light.sum(axis=1) + 1e-6 * level * angle[:, 3]  # a direction for cells without light too
-    pair = _centroids(directions, light, bright, CELLS), _centroids(directions, angle, angle[:, 3], CELLS // 2)
-    return np.concatenate([centres for centres, _ in pair]), np.concatenate([sums for _, sums in pair])
 
 
 def _centroids(directions: Array, weights: Array, mass: Array, size: int) -> tuple[Array, Array]:

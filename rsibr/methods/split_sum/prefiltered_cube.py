@@ -17,9 +17,7 @@ from rsibr.geometry.projections.sphere_image import texel_directions as cube_dir
 from rsibr.light.projected import light_in
 from rsibr.light.radiance import Light
 from rsibr.methods.split_sum.ggx_kernel import GGXKernel
-from rsibr.methods.split_sum.multilevel_sum import finest_size, level_sums, summed
-
-Array = NDArray[np.float64]
+from rsibr.methods.split_sum.multilevel_sum import PointSources, finest_size, level_sums, summed
 
 WIDE = 0.06
 """Roughness α from which a cube of `COARSE` texels a side holds a lobe: five texels in its half-width 2α."""
@@ -36,39 +34,36 @@ SMALLEST = 16
 
 @dataclass(frozen=True, eq=False)
 class Sources:
-    """Light as point sources: one a texel of its octahedral image.
+    """Light, and its texels as point sources.
 
     Attributes
     ----------
     light : Light
-        The light.
-    directions : ndarray, shape (n, 3)
-        Unit directions.
-    weights : ndarray, shape (n, 4)
-        Radiance times solid angle in three channels, and solid angle [sr].
+        The light; delta lights are not among the sources.
+    points : PointSources
+        One source a texel of its octahedral image.
     """
 
     light: Light
-    directions: Array
-    weights: Array
+    points: PointSources
 
     @classmethod
     def of(cls, light: Light) -> Sources:
-        """Sources of a bake's light; delta lights are not among them."""
+        """Sources of a bake's light."""
         size = len(light.picture)
         directions = np.array(texel_directions(size), dtype=np.float64).T
         angles = texel_solid_angles(size)[:, None]
         weights = np.concatenate([light.picture.reshape(-1, 3) * angles, angles], axis=1)
-        return cls(light, directions / np.linalg.norm(directions, axis=1, keepdims=True), weights)
+        return cls(light, PointSources(directions / np.linalg.norm(directions, axis=1, keepdims=True), weights))
 
 
-def prefiltered(directions: Array, weights: Array, alpha: float, size: int) -> NDArray[np.float32]:
+def prefiltered(sources: PointSources, alpha: float, size: int) -> NDArray[np.float32]:
     """GGX-prefiltered radiance in the directions of a cube's texels.
 
     Parameters
     ----------
-    directions, weights : ndarray, shape (n, 3) and (n, 4)
-        As in `Sources`.
+    sources : PointSources
+        Light.
     alpha : float
         Roughness α.
     size : int
@@ -81,9 +76,9 @@ def prefiltered(directions: Array, weights: Array, alpha: float, size: int) -> N
 
     Notes
     -----
-    Numerator and denominator are sums over the same charts, so that constant light stays what it is within 1e-3.
+    Numerator and denominator are sums over the same charts, so that constant light stays what it is within 2e-3.
     """
-    levels = level_sums(directions, weights, GGXKernel(alpha), finest_size(alpha))
+    levels = level_sums(sources, GGXKernel(alpha), finest_size(alpha))
     sums = summed(levels, cube_directions(CUBE, size))
     radiance = mi.Vector3f(sums.x, sums.y, sums.z) / sums.w
     return np.array(radiance, dtype=np.float32).T.reshape(6, size, size, 3)
@@ -182,4 +177,4 @@ def _level(sources: Sources, alpha: float, size: int) -> BorderedTexels:
     """One cube on the device."""
     if alpha < least_alpha(size):
         return SphereImage(CUBE, light_in(sources.light, CUBE, size)).texels
-    return SphereImage(CUBE, prefiltered(sources.directions, sources.weights, alpha, size)).texels
+    return SphereImage(CUBE, prefiltered(sources.points, alpha, size)).texels

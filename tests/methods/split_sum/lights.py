@@ -42,11 +42,11 @@ def sun(d, place=(0.57, 0.6, 0.56), radiance=1e6, sky=1e-2):
     return total
 
 
-def brute(directions, weights, alpha, places):
+def brute(sources, alpha, places):
     """∫ K L dω / ∫ K dω at unit directions, in float64, one source after the other."""
     kernel, rows = GGXKernel(alpha), []
     for place in places:
-        weighed = kernel.value(((directions - place) ** 2).sum(axis=1) / 4) @ weights
+        weighed = kernel.value(((sources.directions - place) ** 2).sum(axis=1) / 4) @ sources.weights
         rows.append(weighed[:3] / weighed[3])
     return np.array(rows)
 
