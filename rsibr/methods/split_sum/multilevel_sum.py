@@ -51,7 +51,7 @@ FINEST = 256
 FEWEST = 32
 """Nodes a side of a face, at least: of the kink at the horizon."""
 
-CELLS = 64
+CELLS = 48
 """Cells a side of a face into which light is merged for the last level."""
 
 _BORDER = 2  # nodes beyond a face that cubic interpolation inside of it needs
@@ -81,7 +81,7 @@ class PointSources:
         light, angle = self.weights * [1, 1, 1, 0], self.weights * [0, 0, 0, 1]
         level = max(float(light.sum() / angle.sum()), 1e-30)
         bright = light.sum(axis=1) + 1e-6 * level * angle[:, 3]  # a direction for cells without light too
-        masses = (light, bright, CELLS), (angle, angle[:, 3], CELLS // 2)
+        masses = (light, bright, CELLS), (angle, angle[:, 3], 2 * CELLS // 3)
         pair = [_centroids(self.directions, *one) for one in masses]
         return np.concatenate([centres for centres, _ in pair]), np.concatenate([sums for _, sums in pair])
 
