@@ -199,7 +199,16 @@ def print_object(found: ObjectValidation, out: Path, *, json_output: bool) -> No
     from rsibr.cli.table import print_table
 
     table = Table(box=SIMPLE_HEAD)
-    for heading in ("method or cause", "relMSE, open", "relMSE, path-traced", "SMAPE", "FLIP", "energy", "ns a hit"):
+    for heading in (
+        "method or cause",
+        "relMSE, open",
+        "relMSE, path-traced",
+        "SMAPE",
+        "FLIP",
+        "energy",
+        "ns a hit",
+        "faster by",
+    ):
         table.add_column(heading, no_wrap=True)
     for name, made in found.methods.items():
         whole = made.open.whole
@@ -210,7 +219,7 @@ def print_object(found: ObjectValidation, out: Path, *, json_output: bool) -> No
             f"{whole.smape.value:.4f}",
             f"{whole.flip.value:.4f}",
         )
-        table.add_row(name, *errors, energy, f"{made.seconds_of_hit * 1e9:.0f}")
+        table.add_row(name, *errors, energy, f"{made.seconds_of_hit * 1e9:.0f}", f"{made.times_path_tracing:.2g}×")
     for cause in found.causes:
         table.add_row(cause.name, str(cause.rel_mse))
     print_table(table)
