@@ -202,7 +202,7 @@ def print_object(found: ObjectValidation, out: Path, *, json_output: bool) -> No
     table.add_column("method or cause")
     for heading in ("relMSE,\nopen", "relMSE,\npath-traced"):
         table.add_column(heading)  # "below the noise floor" may take two lines
-    for heading in ("SMAPE", "FLIP", "energy", "ns\na hit", "path tracing\nof that error"):
+    for heading in ("SMAPE", "FLIP", "energy", "ns\na hit", "× path tracing\nof that error"):
         table.add_column(heading, no_wrap=True)
     for name, made in found.methods.items():
         whole = made.open.whole
