@@ -41,8 +41,7 @@ class TriangleGrid:
 
     Notes
     -----
-    A hierarchy of bounding caps, which lanes descend at different paces, takes six times as long for the 20 triangles
-    of an icosahedron.
+    A hierarchy of bounding caps, which lanes descend at different paces, takes 20 to 40 times as long.
     """
 
     first: mi.UInt32
