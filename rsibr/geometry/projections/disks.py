@@ -63,7 +63,10 @@ class Disks(Projection):
 
     def place(self, d: mi.Vector3f) -> Place:  # noqa: D102
         back = (d.z < 0) & (self.sheets == 2)
-        q = self.disk(mi.Vector3f(d.x, d.y, dr.select(back, -d.z, d.z)))
+        z = dr.select(back, -d.z, d.z)
+        q = self.disk(mi.Vector3f(d.x, d.y, z))
+        # −Z, which is the whole rim of a ball: rounding must not throw it into the middle
+        q = dr.select((z < 0) & (dr.squared_norm(q) < 0.2), mi.Point2f(1, 0), q)
         return dr.select(back, mi.UInt32(1), mi.UInt32(0)), mi.Point2f(0.5 + 0.5 * q.x, 0.5 - 0.5 * q.y)
 
     def density(self, sheet: mi.UInt32, p: mi.Point2f) -> mi.Float:  # noqa: D102, ARG002
