@@ -63,10 +63,19 @@ class LatLong(Projection):
 
 
 MITSUBA = register(LatLong("latlong", "-z", "+x", rows_on_edges=True))
-"""Mitsuba's `envmap`: −Z, +X, +Z, −X; rows at j/(H−1), so that the first and last lie on the poles."""
+"""Mitsuba's `envmap`: −Z, +X, +Z, −X at p_x = 0, ¼, ½, ¾; the first and last row lie on the poles, at j/(H−1)."""
 
 OPENEXR = register(LatLong("latlong-openexr", "-z", "+x", columns_on_edges=True, rows_on_edges=True))
 """OpenEXR's attribute `envmap = latlong`: as Mitsuba's, but the first and the last column both show −Z."""
 
+FILAMENT = register(LatLong("latlong-filament", "-z", "-x"))
+"""Filament's `cmgen --no-mirror`, cmft, PlayCanvas: −Z, −X, +Z, +X, mirrored as seen from inside."""
+
+DEBEVEC = register(LatLong("latlong-debevec", "+z", "-x"))
+"""Debevec's light probe gallery: +Z, −X, −Z, +X, so that −Z is in the middle and +X right of it."""
+
+THREE = register(LatLong("latlong-three", "-x", "-z"))
+"""three.js, glTF viewers, Blender after its change to +Y up: −X, −Z, +X, +Z, so that +X is in the middle."""
+
 POLAR = register(LatLong("polar", "+z", "+x"))
-"""Miller & Hoffman (1984), section 4.3: u = arctan(x, z), v = arccos y; texels centred."""
+"""Miller & Hoffman (1984), section 4.3: u = arctan(x, z), v = arccos y; +Z, +X, −Z, −X; texels centred."""

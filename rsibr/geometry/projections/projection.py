@@ -1,6 +1,6 @@
 """Projections of the sphere of directions onto images, found by name.
 
-A projection maps unit directions to points of one or several *sheets*, square or not: six faces of a cube, two disks, one
+A projection maps unit directions to points of one or several *sheets*: six faces of a cube, two disks, one
 latitude–longitude picture. Every module of this package may register projections; no list of them stands elsewhere.
 """
 

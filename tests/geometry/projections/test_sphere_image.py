@@ -6,7 +6,7 @@ import pytest
 from rsibr.geometry.projections.projection import projection, projection_names
 from rsibr.geometry.projections.sphere_image import SphereImage, converted, texel_directions
 from tests.arrays import to_numpy
-from tests.geometry.projections.projected import sampled, smooth
+from tests.geometry.projections.projected import sampled
 
 WHOLE = [name for name in projection_names() if name != "sphere-map"]
 
