@@ -31,6 +31,7 @@ class LatLong(Projection):
     """
 
     aspect = 2.0
+    is_square = False
 
     def __init__(
         self, name: str, start: str, quarter: str, *, columns_on_edges: bool = False, rows_on_edges: bool = False

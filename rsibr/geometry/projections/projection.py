@@ -40,6 +40,8 @@ class Projection(ABC):
         Usual ratio of columns to rows of a sheet.
     columns_on_edges, rows_on_edges : bool
         Whether the outer texel centres lie on the sheet's edges; see `TexelAxis`.
+    is_square : bool
+        Whether sheets have as many columns as rows.
     covers_sphere : bool
         Whether every direction has a place. If not, directions without one get the nearest place.
     """
@@ -49,6 +51,7 @@ class Projection(ABC):
     aspect: float = 1.0
     columns_on_edges: bool = False
     rows_on_edges: bool = False
+    is_square: bool = True
     covers_sphere: bool = True
 
     @abstractmethod
