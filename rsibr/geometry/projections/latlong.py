@@ -58,6 +58,14 @@ class LatLong(Projection):
     def density(self, sheet: mi.UInt32, p: mi.Point2f) -> mi.Float:  # noqa: D102, ARG002
         return 2 * dr.square(dr.pi) * dr.abs(dr.sin(dr.pi * p.y)) + 0 * p.x
 
+    def latlong_size(self, height: int, width: int) -> tuple[int, int]:
+        """As in `Projection`: a size at which every texel centre of the sheet is one of the image: nothing is lost.
+
+        Except where the columns are no multiple of 4, by which the quarters of the longitude would fall on centres.
+        """
+        exact = not self.columns_on_edges and width % 4 == 0
+        return height if self.rows_on_edges else 2 * height + 1, width if exact else 2 * width
+
     def solid_angles(self, columns: TexelAxis, rows: TexelAxis) -> NDArray[np.float64]:  # noqa: D102
         heights = -np.diff(np.cos(np.pi * rows.edges()))
         return np.asarray(np.outer(heights, 2 * np.pi * np.diff(columns.edges()))[None])

@@ -6,6 +6,7 @@ latitude–longitude picture. Every module of this package may register projecti
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from functools import cache
 from typing import TypeVar
@@ -42,6 +43,8 @@ class Projection(ABC):
         Whether the outer texel centres lie on the sheet's edges; see `TexelAxis`.
     is_square : bool
         Whether sheets have as many columns as rows.
+    share : float
+        Share of a sheet's area that shows directions.
     covers_sphere : bool
         Whether every direction has a place. If not, directions without one get the nearest place.
     """
@@ -52,6 +55,7 @@ class Projection(ABC):
     columns_on_edges: bool = False
     rows_on_edges: bool = False
     is_square: bool = True
+    share: float = 1.0
     covers_sphere: bool = True
 
     @abstractmethod
@@ -88,6 +92,15 @@ class Projection(ABC):
         """
         height, width = (size, max(round(size * self.aspect), 1)) if isinstance(size, int) else size
         return TexelAxis(width, self.columns_on_edges), TexelAxis(height, self.rows_on_edges)
+
+    def latlong_size(self, height: int, width: int) -> tuple[int, int]:
+        """Rows and columns of a latitude–longitude image (Mitsuba's) that holds the detail of sheets of H × W texels.
+
+        At its equator, texels are at most half as wide as those of the sheets on average.
+        """
+        mean = math.sqrt(4 * math.pi / (self.sheets * height * width * self.share))
+        steps = 2 * math.ceil(math.pi / mean)
+        return steps + 1, 2 * steps
 
     def bordered(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Add a border of one texel to each sheet, taken from across its edges, so that lookups have no seam.

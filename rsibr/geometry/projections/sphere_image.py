@@ -200,7 +200,8 @@ def _widths(to: Projection, columns: TexelAxis, rows: TexelAxis) -> NDArray[np.f
         for across, down in ((0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0))
     )
     chord = np.array(dr.maximum(dr.norm(right - left), dr.norm(bottom - top)))
-    return chord[to.solid_angles(columns, rows).ravel() > 0]
+    seen = np.array(to.density(sheet, mi.Point2f(columns.place(column), rows.place(row))) > 0)
+    return chord[seen] if seen.any() else chord
 
 
 def _split(index: mi.UInt32, columns: TexelAxis, rows: TexelAxis) -> tuple[mi.UInt32, mi.Float, mi.Float]:
