@@ -17,8 +17,14 @@ from rsibr.geometry.projections.texel_axis import TexelAxis
 Size = int | tuple[int, int]
 """Rows of a sheet, from which the columns follow by the projection's aspect; or rows and columns."""
 
-_FINENESS = 2  # samples for each source texel, along a side, when a conversion minifies
-_MOST_SAMPLES = 64  # a side of a texel
+_FINENESS = 4
+"""Samples along a side for each of the finest source texels, when a conversion minifies.
+
+With 2 for each mean texel a lone bright one is up to 9 % too bright or too dark, with these 1.3 %, from 512² texels.
+"""
+
+_FINEST, _WIDEST = 0.02, 0.9  # quantiles of the widths of source texels and of those of the result
+_MOST_SAMPLES = 256  # a side of a texel
 _LANES = 2**22  # samples at once
 
 
@@ -143,8 +149,8 @@ def converted(image: SphereImage, to: Projection, size: Size, *, samples: int = 
     Returns
     -------
     SphereImage
-        Where texels of the result are larger than those of the source, means over their solid angle, of samples half as
-        far apart as the source's texels; otherwise bilinear samples at their centres.
+        Where texels of the result are larger than those of the source, means over their solid angle, of samples a
+        quarter as far apart as the finest texels of the source; otherwise bilinear samples at their centres.
 
     Raises
     ------
@@ -188,8 +194,11 @@ def _mean(
 
 def _samples_a_side(image: SphereImage, to: Projection, columns: TexelAxis, rows: TexelAxis) -> int:
     """Samples along a side of a texel: 1 if no texel of the result is wider than the source's texels mostly are."""
-    ratio = _widths(to, columns, rows).max() / np.median(_widths(image.projection, *image.axes))
-    return 1 if ratio < 1.001 else min(math.ceil(_FINENESS * ratio), _MOST_SAMPLES)
+    wanted, given = _widths(to, columns, rows), _widths(image.projection, *image.axes)
+    if wanted.max() < 1.001 * np.median(given):
+        return 1
+    finer = float(np.quantile(wanted, _WIDEST) / np.quantile(given, _FINEST))
+    return min(math.ceil(_FINENESS * finer), _MOST_SAMPLES)
 
 
 def _widths(to: Projection, columns: TexelAxis, rows: TexelAxis) -> NDArray[np.float32]:
