@@ -103,8 +103,7 @@ def read_latlong(
             where=str(path),
             fix=f"leave out {PROJECTION_KEY}",
         )
-    clipped, lowest = int((image < 0.0).sum()), min(float(image.min()), 0.0)
-    image = np.where(image < 0.0, np.float32(0.0), image)
+    image, clipped, lowest = _without_negatives(image)
     name, turn = projection or stated or "latlong", 0.0
     sheets = None
     if name == "latlong-openexr":
@@ -154,12 +153,10 @@ def read_faces(
                 where=str(path),
                 fix="give it as environment.file",
             )
-    values = stacked_faces(images, paths)
-    negative = values < 0.0
-    sheets = np.where(negative, np.float32(0.0), values)
+    sheets, clipped, lowest = _without_negatives(stacked_faces(images, paths))
     image = to_latlong(sheets, of, most_texels, str(paths["px"]))
     notes.append(f"its six faces were converted to {_size(image)} texels of latitude and longitude")
-    return LatLong(image, int(negative.sum()), min(float(values.min()), 0.0), 0.0, tuple(notes), sheets, of.name)
+    return LatLong(image, clipped, lowest, 0.0, tuple(notes), sheets, of.name)
 
 
 def _from_picture(
@@ -172,6 +169,12 @@ def _from_picture(
     what = "cube" if of.sheets == 6 else f"'{name}'"
     kind = f" ({layout})" if of.sheets > 1 else ""
     return converted, sheets, f"its {what} was converted to {_size(converted)} texels of latitude and longitude{kind}"
+
+
+def _without_negatives(image: NDArray[np.float32]) -> tuple[NDArray[np.float32], int, float]:
+    """Image with negative values set to 0, their number, and the lowest of them or 0."""
+    negative = image < 0.0
+    return np.where(negative, np.float32(0.0), image), int(negative.sum()), min(float(image.min()), 0.0)
 
 
 def _check_is_column(image: NDArray[np.float32], where: str) -> None:

@@ -1,5 +1,6 @@
 """Conversion between projections: means when minifying, bilinear when magnifying, energy, and every pair."""
 
+import mitsuba as mi
 import numpy as np
 import pytest
 
@@ -35,6 +36,13 @@ def test_magnified_texels_are_bilinear_samples():
     image, to = sampled("cube", 8), projection("latlong")
     finer = converted(image, to, 65)
     assert np.array_equal(finer.values.reshape(-1, 3), to_numpy(image.lookup(texel_directions(to, 65))).T)
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_a_direction_that_is_none_ends_nothing(name):
+    d = mi.Vector3f([0.0, np.nan], [0.0, 1.0], [0.0, 0.0])
+    image = SphereImage(projection(name), np.ones((projection(name).sheets, 4, 4, 3)))
+    assert to_numpy(image.lookup(d)).shape == to_numpy(image.nearest(d)).shape == (3, 2)
 
 
 def test_a_hemisphere_is_not_converted():
@@ -77,7 +85,7 @@ BOUND = 2.5
 def test_the_middle_of_a_cubes_face_is_coarser_than_its_corners():
     """Miller & Hoffman (1984), section 4.1, state a third of the resolution, from an area that goes with 1/z².
 
-    The solid angle goes with z³ = (1+u²+v²)^(−3/2): from the middle to a corner by 3√3 = 5.2, which is 2.3 along a side.
+    The solid angle goes with z³ = (1+u²+v²)^(−3/2): from the middle to a corner by 3√3 = 5.2, or 2.3 along a side.
     A third is right of the radial spacing alone.
     """
     angles = texel_solid_angles(projection("cube"), 256)[0]
