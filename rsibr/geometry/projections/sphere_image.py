@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
@@ -92,8 +93,6 @@ class SphereImage:
         As given.
     values : ndarray, shape (F, H, W, 3), float32
         Value of each texel.
-    texture : SphereTexture
-        The same on the device.
 
     Examples
     --------
@@ -106,10 +105,16 @@ class SphereImage:
     def __init__(self, projection: Projection, values: NDArray[np.floating]) -> None:
         if values.ndim != 4 or (values.shape[0], values.shape[3]) != (projection.sheets, 3):
             raise ValueError(f"{projection.name} takes values ({projection.sheets}, H, W, 3), not {values.shape}")
-        framed = projection.bordered(np.asarray(values, dtype=np.float32))
+        values = np.asarray(values, dtype=np.float32)
+        if projection.share < 1:  # texels outside a disk
+            values = projection.bordered(values)[:, 1:-1, 1:-1]
         self.projection = projection
-        self.values = np.ascontiguousarray(framed[:, 1:-1, 1:-1])
-        self.texture = SphereTexture(projection, BorderedTexels.of(framed, *self.axes))
+        self.values = np.ascontiguousarray(values)
+
+    @cached_property
+    def texture(self) -> SphereTexture:
+        """The image on the device, copied when it is first looked up."""
+        return SphereTexture(self.projection, BorderedTexels.of(self.projection.bordered(self.values), *self.axes))
 
     @property
     def axes(self) -> tuple[TexelAxis, TexelAxis]:

@@ -33,7 +33,8 @@ def aspect_notes(height: int, width: int) -> tuple[str, ...]:
         return ()
     for across, down, what in _LOOKS_LIKE:
         if abs(width * down / (height * across) - 1.0) <= _NEAR:
-            return (f"its {width} × {height} texels ({across}:{down}) look like {what}; read as latitude–longitude",)
+            looks = f"its {width} × {height} texels ({across}:{down}) look like {what}"
+            return (f"{looks}; read as latitude–longitude: environment.projection names another",)
     return ()
 
 
