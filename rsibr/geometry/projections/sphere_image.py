@@ -117,6 +117,11 @@ class SphereImage:
         return SphereTexture(self.projection, BorderedTexels.of(self.projection.bordered(self.values), *self.axes))
 
     @property
+    def texels(self) -> BorderedTexels:
+        """Sheets of `texture`."""
+        return self.texture.texels
+
+    @property
     def axes(self) -> tuple[TexelAxis, TexelAxis]:
         """Columns and rows of a sheet."""
         return self.projection.axes((self.values.shape[1], self.values.shape[2]))
