@@ -14,11 +14,12 @@ from rsibr.baking.baker import bake
 from rsibr.errors import InputError
 from rsibr.geometry.projections.projection import projection, projection_names
 from rsibr.geometry.projections.sheet_layout import layouts
-from rsibr.geometry.projections.sphere_image import texel_directions
+from rsibr.geometry.projections.sphere_image import SphereImage, texel_directions, texel_solid_angles
 from rsibr.scene.config import EnvironmentConfig, load_config, parse_config
 from rsibr.scene.environment import environment_digest, load_environment
 from rsibr.scene.overrides import apply_overrides
-from tests.arrays import to_numpy
+from rsibr.scene.panorama.resampled import to_latlong
+from tests.arrays import to_numpy, vector
 from tests.scene.cube_faces import light, write_faces
 from tests.scene.maps import latlong_directions, write_channels, write_exr
 
@@ -78,6 +79,19 @@ def test_a_picture_in_any_projection_lights_the_scene_from_where_it_lies(tmp_pat
         d = sphere()
         bound = 0.015 if name == "orthographic-pair" else 0.01
         assert np.abs(radiance(environment, d) - light(d)).mean() < bound * light(d).mean()
+
+
+@pytest.mark.parametrize(("row", "column", "peak"), [(16, 15, 0.7), (0, 0, 0.35), (3, 17, 0.5)])
+def test_a_lone_bright_texel_of_a_face_keeps_its_energy(row, column, peak):
+    """Within 3 %, wherever it lies; and a share of its radiance at its centre, the least in the corners of a face."""
+    cube, latlong, face = projection("cube"), projection("latlong"), 3
+    values = np.zeros((6, 32, 32, 3), np.float32)
+    values[face, row, column] = 1.0
+    image = to_latlong(values, cube, 2**20, "")
+    held = (texel_solid_angles(latlong, image.shape[:2])[0] * image[..., 0]).sum()
+    assert held == pytest.approx(texel_solid_angles(cube, 32)[face, row, column], rel=0.03)
+    centre = to_numpy(texel_directions(cube, 32)).T[(face * 32 + row) * 32 + column]
+    assert to_numpy(SphereImage(latlong, image[None]).lookup(vector([centre])))[0, 0] > peak
 
 
 @pytest.mark.parametrize("name", ["latlong-filament", "latlong-debevec", "latlong-three", "polar"])
