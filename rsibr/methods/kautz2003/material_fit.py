@@ -105,7 +105,8 @@ class KautzMaterial:
         Notes
         -----
         f_λ, k_d and k_s by least squares over the disk of a map, in each channel: of the matte and the glossy part, which
-        the contrast of the light shows apart, and of their sum, which its mean shows.
+        the contrast of the light shows apart, and of their sum, which its mean shows. Without matte parts k_d is 0; without
+        glossy ones k_s is not, because F hands to the glossy lobe what it takes from the diffuse one.
         """
         f, k_d, k_s = _reflectances(lobes.matte, lobes.glossy)
         bias, box_error = bias_for(lobes.factors, size)
@@ -150,6 +151,7 @@ def _best(f: Array, through: Array, back: Array, matte: Array, glossy: Array) ->
     p, q = disk_mean(through * (matte + both)), disk_mean(back * (glossy + both))
     det = np.maximum(a * c - b * b, 1e-12)
     k_d, k_s = (p * c - q * b) / det, (q * a - p * b) / det
+    k_d, k_s = (np.zeros_like(f), q / np.maximum(c, 1e-12)) if not matte.any() else (k_d, k_s)
     k_d, k_s = np.where(k_s < 0, p / np.maximum(a, 1e-12), k_d), np.where(k_d < 0, q / np.maximum(c, 1e-12), k_s)
     k_d, k_s = np.maximum(k_d, 0), np.maximum(k_s, 0)
     error = disk_mean((k_d * through - matte) ** 2 + (k_s * back - glossy) ** 2)
