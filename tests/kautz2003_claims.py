@@ -39,7 +39,10 @@ def main() -> None:
     for name, faces in lights.items():
         _row(name, [claims.border_step(faces, b, borders=cure) for b in BIASES for cure in (False, True)])
     _table("bias b of a lobe, and what it errs by", [f"b at {size}²" for size in SIZES] + ["error", "N", "error of N"])
-    for name, factors in [*((f"N = {n:g}", phong(n)) for n in (1.0, *EXPONENTS)), *((f"α = {a}", ggx(a)) for a in ALPHAS)]:
+    for name, factors in [
+        *((f"N = {n:g}", phong(n)) for n in (1.0, *EXPONENTS)),
+        *((f"α = {a}", ggx(a)) for a in ALPHAS),
+    ]:
         found = [bias_for(factors, size) for size in SIZES]
         _row(name, [*(bias for bias, _ in found), found[-1][1], *exponent_for(factors)], digits=3)
 

@@ -1,9 +1,9 @@
 """Band factors of the kernels that glossy reflections are filtered with, and the kernel nearest to another.
 
 A kernel that is averaged over its places and turns multiplies the harmonics of band l by one factor Λ_l: the mean of
-P_l(cos θ) over it. Kernels are compared at bands an octave apart, each counting the same: light from natural
-surroundings has about as much power in every octave (Dror, Willsky, Adelson 2004), so that the difference of the factors is
-that of the pictures.
+P_l(cos θ) over it. Kernels are compared at bands half an octave apart, each counting the same: light from natural
+surroundings has about as much power in every octave (Dror, Willsky, Adelson 2004), so that the difference of the
+factors is that of the pictures.
 """
 
 from __future__ import annotations
@@ -182,5 +182,3 @@ def _three_boxes() -> Array:
     total = np.cumsum(density)
     points = np.interp((np.arange(_QUANTILES) + 0.5) / _QUANTILES, total / total[-1], x)
     return np.asarray(points * (0.5 / points.std()))
-
-

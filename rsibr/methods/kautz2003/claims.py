@@ -1,7 +1,7 @@
 """What Kautz, Daubert, Seidel (2003) claim without a figure, measured: each claim a function of an environment's faces.
 
-Errors are relRMSE, √mean((a − b)² / (b² + ε)) with ε = (0.1 · mean b)², the root of the project's relMSE, over directions even
-on the sphere. Faces are (6, N, N, 3) arrays of the projection "cube".
+Errors are relRMSE, √mean((a − b)² / (b² + ε)) with ε = (0.1 · mean b)², the root of the project's relMSE, over
+directions even on the sphere. Faces are (6, N, N, 3) arrays of the projection "cube".
 """
 
 from __future__ import annotations
@@ -112,8 +112,8 @@ def box_error(faces: Faces, exponent: float, *, borders: bool = True) -> float:
 def shift_variance(faces: Faces, bias: float, turns: int = 8) -> float:
     """Spread of box-filtered radiance over turns of the cube under a fixed environment, relative to its mean.
 
-    A filter whose kernel is the same everywhere has none but that of resampling. Claim (section 4.2): the kernel's change
-    over the sphere is hardly noticeable in practice.
+    A filter whose kernel is the same everywhere has none but that of resampling. Claim (section 4.2): the kernel's
+    change over the sphere is hardly noticeable in practice.
     """
     rng = np.random.default_rng(1)
     d, size = even_directions(_DIRECTIONS), faces.shape[1]
@@ -132,8 +132,9 @@ def shift_variance(faces: Faces, bias: float, turns: int = 8) -> float:
 def kernel_widths(size: int, bias: float) -> dict[str, float]:
     """Standard deviation [rad] of the box kernel at the centre of a face, at the middle of an edge and at a corner.
 
-    Averaged over the places in a texel, the kernel's variance on the face is (2^b w)²/4 along each axis, w = 2/size; the
-    geometric mean of both axes on the sphere is that times (1 + x² + y²)^(−3/4).
+    Averaged over the places in a texel, the kernel's variance on the face is (2^b w)²/4 along each axis, w = 2/size;
+    the standard deviation on the sphere, geometric mean of both axes, is its root times (1 + x² + y²)^(−3/4). Exact for
+    whole b.
     """
     spread = 0.5 * 2.0**bias * 2 / size
     places = {"centre": 0, "edge": 1, "corner": 2}
@@ -169,7 +170,7 @@ def even_directions(count: int) -> Array:
 def _beside_edges(points: int = 64) -> tuple[Array, Array]:
     """Directions on either side of the cube's twelve edges, each of shape (12 · points, 3)."""
     along = (np.arange(points) + 0.5) / points * 2 - 1
-    inside, outside = [], []
+    inside, outside = list[Array](), list[Array]()
     for free in range(3):
         one, other = (free + 1) % 3, (free + 2) % 3
         for signs in ((1, 1), (1, -1), (-1, 1), (-1, -1)):

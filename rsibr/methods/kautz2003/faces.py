@@ -15,6 +15,7 @@ from rsibr.geometry.projections.sphere_image import texel_solid_angles
 Faces = NDArray[np.floating[Any]]
 """Radiance [W sr⁻¹ m⁻²] of the texels of a cube, shape (6, N, N, 3), faces as in the projection "cube"."""
 
+
 def checked(faces: Faces) -> Faces:
     """Return faces of the right shape; raises an InputError otherwise."""
     shape = np.shape(faces)
@@ -63,8 +64,9 @@ def bordered(faces: Faces, *, seams: bool) -> Faces:
     faces : ndarray, shape (6, N, N, C)
         One level.
     seams : bool
-        Whether the border holds the texels of the adjoining faces, and at a corner the mean of the three texels that meet
-        there: lookups are then continuous. Otherwise it repeats the face's own texels, as graphics hardware of 2003 did.
+        Whether the border holds the texels of the adjoining faces, and at a corner the mean of the three texels that
+        meet there: lookups are then continuous. Otherwise it repeats the face's own texels, as graphics hardware of
+        2003 did.
 
     Returns
     -------

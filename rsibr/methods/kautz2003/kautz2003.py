@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.errors import InputError, did_you_mean
-from rsibr.light.projected import light_in
 from rsibr.geometry.projections.projection import projection
+from rsibr.light.projected import light_in
 from rsibr.lobes.microfacet import schlick
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.kautz2003.faces import Faces
@@ -88,7 +88,7 @@ class Kautz2003(PointwiseMethod):
 def kautz2003(
     inputs: MethodInputs,
     *,
-    filter: str = "box",  # noqa: A002  # the field's word
+    filter: str = "box",
     bias: float | None = None,
     exponent: float | None = None,
     f_lambda: Colour | None = None,
@@ -107,8 +107,8 @@ def kautz2003(
     filter : {"box", "phong"}
         Filter of the glossy cube: MIP levels of 2×2 boxes, or Phong's lobe by quadrature.
     bias : float, optional
-        Level of detail b of the box-filtered cube. The hardware's level is log₂(texels under a pixel) + b; a point has no
-        extent, so that here b counts from the finest level.
+        Level of detail b of the box-filtered cube. The hardware's level is log₂(texels under a pixel) + b; a point has
+        no extent, so that here b counts from the finest level.
     exponent : float, optional
         Exponent N > 0 of Phong's lobe.
     f_lambda, k_d, k_s : float or three, optional
@@ -122,9 +122,15 @@ def kautz2003(
     """
     _check(filter, exponent, size, coefficients_face)
     fit = KautzMaterial.fitted(Lobes.of(inputs.shapes), size)
-    given = {"f_lambda": _colour(f_lambda), "k_d": _colour(k_d), "k_s": _colour(k_s), "bias": bias, "exponent": exponent}
+    given: dict[str, Any] = {
+        "f_lambda": _colour(f_lambda),
+        "k_d": _colour(k_d),
+        "k_s": _colour(k_s),
+        "bias": bias,
+        "exponent": exponent,
+    }
     material = replace(fit, **{name: value for name, value in given.items() if value is not None})
-    filtering = {
+    filtering: dict[str, Any] = {
         "coefficients_face": coefficients_face,
         "borders": borders,
         "exponent": material.exponent if filter == "phong" else None,

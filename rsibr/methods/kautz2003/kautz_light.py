@@ -51,9 +51,7 @@ class KautzLight:
         levels = box_levels(faces) if exponent is None else [phong_filtered(faces, exponent)]
         return cls(nine, CubePyramid.of(levels, seams=borders))
 
-    def radiance(
-        self, n: mi.Vector3f, r: mi.Vector3f, level: mi.Float
-    ) -> tuple[mi.Color3f, mi.Color3f]:
+    def radiance(self, n: mi.Vector3f, r: mi.Vector3f, level: mi.Float) -> tuple[mi.Color3f, mi.Color3f]:
         """Radiance [W sr⁻¹ m⁻²] of a white diffuse and of a white glossy surface.
 
         Parameters

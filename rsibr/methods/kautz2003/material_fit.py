@@ -1,6 +1,7 @@
 """Parameters of the paper's reflection model fitted to a material: f_λ, k_d, k_s, and the width of the glossy lobe.
 
-The model reflects (1 − F)·k_d·(diffuse) + F·k_s·(glossy) with F = f_λ + (1 − f_λ)(1 − cos θ)⁵; Kautz et al. (2003), eq. 8.
+The model reflects (1 − F)·k_d·(diffuse) + F·k_s·(glossy) with F = f_λ + (1 − f_λ)(1 − cos θ)⁵; Kautz et al. (2003),
+eq. 8.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from rsibr.methods.rsibr.lobe_terms import LobeTerms, albedo_at_nodes
 Array = NDArray[np.float64]
 
 _STEPS = 401  # values of f_λ that are tried
+_TIE = 1e-9  # of f_λ, added to the squared error: the least of several that serve
 _MATTE_EXPONENT = 1.0  # of the glossy lobe of a material that has none: a cosine lobe
 
 
@@ -104,9 +106,10 @@ class KautzMaterial:
 
         Notes
         -----
-        f_λ, k_d and k_s by least squares over the disk of a map, in each channel: of the matte and the glossy part, which
-        the contrast of the light shows apart, and of their sum, which its mean shows. Without matte parts k_d is 0; without
-        glossy ones k_s is not, because F hands to the glossy lobe what it takes from the diffuse one.
+        f_λ, k_d and k_s by least squares over the disk of a map, in each channel: of the matte and the glossy part,
+        which the contrast of the light shows apart, and of their sum, which its mean shows. Without matte parts k_d is
+        0. Without glossy ones the sum alone counts: F hands to the glossy lobe, wide as the diffuse one, what it takes
+        from that.
         """
         f, k_d, k_s = _reflectances(lobes.matte, lobes.glossy)
         bias, box_error = bias_for(lobes.factors, size)
@@ -145,16 +148,17 @@ def _reflectances(matte: Array, glossy: Array) -> tuple[Array, Array, Array]:
 
 
 def _best(f: Array, through: Array, back: Array, matte: Array, glossy: Array) -> tuple[float, float, float]:
-    both = matte + glossy
-    # Normal equations of |k_d(1−F) − M|² + |k_s F − G|² + |k_d(1−F) + k_s F − (M+G)|²
-    a, b, c = 2 * disk_mean(through**2), disk_mean(through * back), 2 * disk_mean(back**2)
-    p, q = disk_mean(through * (matte + both)), disk_mean(back * (glossy + both))
+    """f_λ, k_d and k_s of one channel; `through` and `back` are 1 − F and F, shape (NODES, steps)."""
+    both, apart = matte + glossy, float(glossy.any())  # the two parts count for themselves, or only their sum
+    # Normal equations of apart·(|k_d(1−F) − M|² + |k_s F − G|²) + |k_d(1−F) + k_s F − (M+G)|²
+    a, b, c = (1 + apart) * disk_mean(through**2), disk_mean(through * back), (1 + apart) * disk_mean(back**2)
+    p, q = disk_mean(through * (apart * matte + both)), disk_mean(back * (apart * glossy + both))
     det = np.maximum(a * c - b * b, 1e-12)
     k_d, k_s = (p * c - q * b) / det, (q * a - p * b) / det
-    k_d, k_s = (np.zeros_like(f), q / np.maximum(c, 1e-12)) if not matte.any() else (k_d, k_s)
-    k_d, k_s = np.where(k_s < 0, p / np.maximum(a, 1e-12), k_d), np.where(k_d < 0, q / np.maximum(c, 1e-12), k_s)
-    k_d, k_s = np.maximum(k_d, 0), np.maximum(k_s, 0)
-    error = disk_mean((k_d * through - matte) ** 2 + (k_s * back - glossy) ** 2)
-    error += disk_mean((k_d * through + k_s * back - both) ** 2)
+    no_k_s, no_k_d = k_s < 0, (k_d < 0) | (not matte.any())
+    k_d, k_s = np.where(no_k_s, p / np.maximum(a, 1e-12), k_d), np.where(no_k_d, q / np.maximum(c, 1e-12), k_s)
+    k_d, k_s = np.where(no_k_d, 0, k_d), np.where(no_k_s, 0, k_s)
+    error = disk_mean((k_d * through + k_s * back - both) ** 2) + _TIE * f
+    error += apart * disk_mean((k_d * through - matte) ** 2 + (k_s * back - glossy) ** 2)
     best = int(np.argmin(error))
     return float(f[best]), float(k_d[best]), float(k_s[best])

@@ -27,8 +27,8 @@ _BLOCK = 8  # texels a side of a block of the light
 
 
 def size_for(exponent: float, most: int) -> int:
-    """Texels a side of the filtered cube, a power of two: at least 3.2 a standard deviation 1/√N of the lobe, at most `most`."""
-    wanted = 2 ** math.ceil(math.log2(FINENESS * math.sqrt(exponent)))
+    """Texels a side of the filtered cube: at least 3.2 a standard deviation 1/√N of the lobe, and at most `most`."""
+    wanted = 1 << max(math.ceil(math.log2(FINENESS * math.sqrt(exponent))), 0)
     return min(max(LEAST_SIZE, wanted), most)
 
 
@@ -62,7 +62,7 @@ def phong_filtered(faces: Faces, exponent: float) -> NDArray[np.float32]:
     cosine, sine = (dr.opaque(mi.Float, value) for value in (math.cos(reach), math.sin(reach)))
 
     def add(i: mi.UInt32, total: mi.Vector4f) -> tuple[mi.UInt32, mi.Vector4f]:
-        # ---- At the first texel of a block: does the cone around it meet the lobe? cos(a + b) of their half angles ----
+        # ---- At the first texel of a block: does the cone around it meet the lobe? cos(a + b) of half angles ----
         block = dr.gather(mi.Vector4f, spheres, i // side)
         least = cosine * block.w - sine * dr.safe_sqrt(1 - block.w * block.w)
         is_far = (i % side == 0) & (dr.dot(r, mi.Vector3f(block.x, block.y, block.z)) < least)
@@ -84,7 +84,7 @@ def phong_filtered(faces: Faces, exponent: float) -> NDArray[np.float32]:
 
 
 def _table(faces: Faces) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Texels by blocks: direction, 0, radiance times solid angle, solid angle, shape (n, 8); cones, shape (blocks, 4)."""
+    """Texels by blocks: direction, 0, energy, solid angle, shape (n, 8); and cones around blocks, shape (blocks, 4)."""
     size, cube = faces.shape[1], projection("cube")
     angles = texel_solid_angles(cube, size).reshape(-1, 1)
     directions = np.array(texel_directions(cube, size), dtype=np.float64).T

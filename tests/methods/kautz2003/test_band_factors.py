@@ -1,5 +1,6 @@
 """Band factors against direct quadrature, and the nearest kernel."""
 
+import mitsuba as mi
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -9,8 +10,7 @@ from rsibr.methods.kautz2003.band_factors import BANDS, bias_for, box, exponent_
 from rsibr.methods.kautz2003.cube_pyramid import CubePyramid
 from rsibr.methods.kautz2003.faces import box_levels
 from tests.arrays import to_numpy, unit_vectors, vector
-
-import mitsuba as mi
+from tests.methods.kautz2003.skies import faces_of, grey
 
 
 @pytest.mark.parametrize("exponent", [1.0, 10.0, 33.3, 225.0])
@@ -27,14 +27,12 @@ def test_a_narrow_phong_lobe_is_a_gaussian():
 def test_ggx_is_narrower_with_less_roughness_and_ends_in_a_mirror():
     assert ggx(1e-5) == pytest.approx(1, abs=1e-3)
     rows = np.stack([ggx(alpha) for alpha in (0.02, 0.1, 0.3)])
-    assert (np.diff(rows, axis=0) < 0).all()
+    assert (np.diff(rows[:, BANDS < 16], axis=0) < 0).all()
 
 
 @pytest.mark.parametrize("bias", [1.0, 2.5])
 def test_box_factors_are_those_that_the_pyramid_has(bias, rng):
     """⟨filtered · Y⟩ / ⟨Y · Y⟩ of zonal harmonics about many axes, in a cube of 32²."""
-    from tests.methods.kautz2003.skies import faces_of, grey
-
     d = unit_vectors(rng, 20000)
     for band in (2, 8):
         ratios = []

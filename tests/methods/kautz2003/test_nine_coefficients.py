@@ -82,7 +82,7 @@ def test_what_would_be_negative_is_cut_off():
 
 
 def test_finer_faces_are_averaged_by_solid_angle():
-    """Coefficient 0 is the light's whole energy, whatever is between: a texel at a corner holds a fifth of the centre's."""
+    """Coefficient 0 is the light's whole energy: a texel at a corner holds a fifth of the centre's."""
     faces = np.zeros((6, 64, 64, 3), np.float32)
     faces[2, 0, 0], faces[3, 31, 31] = 1.0, 2.0
     d = directions(64, 8)[[2, 3], [0, 31], [0, 31]]
