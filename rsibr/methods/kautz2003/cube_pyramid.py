@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from rsibr.geometry.bilinear import BilinearCell
 from rsibr.geometry.projections.projection import projection
@@ -47,12 +46,15 @@ class CubePyramid:
         seams : bool
             Whether lookups are filtered across the faces' edges; see `rsibr.methods.kautz2003.faces.bordered`.
         """
-        images = [bordered(_with_alpha(level), seams=seams).reshape(-1, 4) for level in levels]
-        starts = np.cumsum([0, *map(len, images[:-1])])
+        sizes = np.array([level.shape[1] for level in levels], dtype=np.uint32)
+        starts = np.concatenate([[0], np.cumsum(6 * (sizes + 2) ** 2)]).astype(np.uint32)
+        texels = np.zeros((int(starts[-1]), 4), dtype=np.float32)
+        for level, size, start, end in zip(levels, sizes, starts[:-1], starts[1:], strict=True):
+            bordered(level, seams=seams, out=texels[start:end].reshape(6, size + 2, size + 2, 4)[..., :3])
         return cls(
-            texels=to_device(mi.Float, np.concatenate(images)),
-            starts=to_device(mi.UInt32, starts.astype(np.uint32)),
-            sizes=to_device(mi.UInt32, np.array([level.shape[1] for level in levels], dtype=np.uint32)),
+            texels=to_device(mi.Float, texels),
+            starts=to_device(mi.UInt32, starts[:-1]),
+            sizes=to_device(mi.UInt32, sizes),
             last=dr.opaque(mi.Float, len(levels) - 1),
         )
 
@@ -91,10 +93,3 @@ class CubePyramid:
     def _texel(self, index: mi.UInt32) -> mi.Color3f:
         texel = dr.gather(mi.Vector4f, self.texels, index)
         return mi.Color3f(texel.x, texel.y, texel.z)
-
-
-def _with_alpha(faces: Faces) -> NDArray[np.float32]:
-    """Faces with a fourth channel, zero."""
-    wide = np.zeros((*faces.shape[:3], 4), dtype=np.float32)
-    wide[..., :3] = faces
-    return wide

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -56,30 +57,31 @@ def box_levels(faces: Faces) -> list[Faces]:
     return levels
 
 
-def bordered(faces: Faces, *, seams: bool) -> Faces:
+def bordered(faces: Faces, *, seams: bool, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
     """Add a border of one texel to each face, for bilinear lookups.
 
     Parameters
     ----------
-    faces : ndarray, shape (6, N, N, C)
+    faces : ndarray, shape (6, N, N, 3)
         One level.
     seams : bool
         Whether the border holds the texels of the adjoining faces, and at a corner the mean of the three texels that
         meet there: lookups are then continuous. Otherwise it repeats the face's own texels, as graphics hardware of
         2003 did.
-
-    Returns
-    -------
-    ndarray, shape (6, N + 2, N + 2, C)
+    out : ndarray, shape (6, N + 2, N + 2, 3), optional
+        Written to and returned; a new array by default.
     """
-    wide = np.pad(faces, ((0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")
+    size = faces.shape[1]
+    wide = np.empty((6, size + 2, size + 2, 3), np.float32) if out is None else out
+    wide[:, 1:-1, 1:-1] = faces
+    edges: Sequence[Faces] | Faces = (faces[:, 0], faces[:, -1], faces[:, :, 0], faces[:, :, -1])
     if seams:
-        top, bottom, left, right = faces.reshape(-1, faces.shape[3])[_beyond_edges(faces.shape[1])]
-        wide[:, 0, 1:-1], wide[:, -1, 1:-1], wide[:, 1:-1, 0], wide[:, 1:-1, -1] = top, bottom, left, right
-        for row, inner_row in ((0, 1), (-1, -2)):
-            for column, inner_column in ((0, 1), (-1, -2)):
-                meeting = wide[:, row, inner_column] + wide[:, inner_row, column] + wide[:, inner_row, inner_column]
-                wide[:, row, column] = meeting / 3
+        edges = faces.reshape(-1, 3)[_beyond_edges(size)]
+    wide[:, 0, 1:-1], wide[:, -1, 1:-1], wide[:, 1:-1, 0], wide[:, 1:-1, -1] = edges
+    for row, inner_row in ((0, 1), (-1, -2)):
+        for column, inner_column in ((0, 1), (-1, -2)):
+            meeting = wide[:, row, inner_column] + wide[:, inner_row, column] + wide[:, inner_row, inner_column]
+            wide[:, row, column] = meeting / 3  # without seams all three are the face's own texel
     return wide
 
 

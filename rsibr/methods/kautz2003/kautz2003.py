@@ -83,7 +83,7 @@ class Kautz2003(PointwiseMethod):
     "kautz2003",
     summary="Kautz et al. (2003): nine harmonic coefficients, and a box-filtered cube with a bias",
     needs=Needs(light=True, lobes=True),
-    rank=20,
+    rank=80,
 )
 def kautz2003(
     inputs: MethodInputs,
