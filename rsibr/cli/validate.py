@@ -122,16 +122,16 @@ def _validate_object(
     from rsibr import backend
     from rsibr.cli.console import step_progress
     from rsibr.cli.job import note_job
+    from rsibr.shading.cameras.camera_choice import chosen_camera
     from rsibr.shading.scenes.scene_file import open_scene
-    from rsibr.validation.objects.validation import validate_object
-    from rsibr.validation.objects.view import object_camera
+    from rsibr.validation.objects.validation import SIDE, validate_object
 
     with backend.session(), step_progress("validate") as show:
         opened = open_scene(scene)
         found = validate_object(
             opened,
             named,
-            camera=object_camera(opened, position, size),
+            camera=chosen_camera(opened, position and {"position": position}, size, SIDE),
             methods=methods or None,
             lookup=lookup,
             occlusion=occlusion,

@@ -31,6 +31,9 @@ from rsibr.validation.reference import MINIMUM_BUFFERS, Reference
 from rsibr.validation.report.object_report import write_object_report
 from rsibr.validation.validation import DEFAULT_SAMPLES, bake_summary
 
+SIDE = 256
+"""Pixels a side where none are given: enough for errors, and minutes of path tracing less than a picture to look at."""
+
 
 @backend.in_session
 def validate_object(
