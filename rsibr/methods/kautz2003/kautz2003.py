@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
-from numpy.typing import NDArray
 
-from rsibr.errors import InputError, did_you_mean
 from rsibr.geometry.projections.projection import projection
 from rsibr.light.projected import light_in
 from rsibr.lobes.microfacet import schlick
@@ -20,6 +16,7 @@ from rsibr.methods.kautz2003.faces import Faces
 from rsibr.methods.kautz2003.kautz_light import KautzLight
 from rsibr.methods.kautz2003.material_fit import KautzMaterial, Lobes
 from rsibr.methods.kautz2003.nine_coefficients import FACE
+from rsibr.methods.kautz2003.options import Colour, choice, colour, flag, number, side
 from rsibr.methods.protocol import Needs, PointwiseMethod
 from rsibr.methods.registry import register
 
@@ -28,8 +25,6 @@ FILTERS = ("box", "phong")
 
 SIZE = 256
 """Texels a side of the cube's finest level."""
-
-Colour = float | Sequence[float] | NDArray[np.float64]
 
 
 class Kautz2003(PointwiseMethod):
@@ -83,7 +78,7 @@ class Kautz2003(PointwiseMethod):
     "kautz2003",
     summary="Kautz et al. (2003): nine harmonic coefficients, and a box-filtered cube with a bias",
     needs=Needs(light=True, lobes=True),
-    rank=80,
+    rank=75,
 )
 def kautz2003(
     inputs: MethodInputs,
@@ -120,35 +115,21 @@ def kautz2003(
     coefficients_face : int
         Texels a side of the faces that the nine coefficients are computed from, a power of two.
     """
-    _check(filter, exponent, size, coefficients_face)
-    fit = KautzMaterial.fitted(Lobes.of(inputs.shapes), size)
+    is_phong = choice("filter", filter, FILTERS) == "phong"
+    sizes = side("size", size), side("coefficients_face", coefficients_face)
     given: dict[str, Any] = {
-        "f_lambda": _colour(f_lambda),
-        "k_d": _colour(k_d),
-        "k_s": _colour(k_s),
-        "bias": bias,
-        "exponent": exponent,
+        "f_lambda": colour("f_lambda", f_lambda, most=1.0),
+        "k_d": colour("k_d", k_d),
+        "k_s": colour("k_s", k_s),
+        "bias": number("bias", bias),
+        "exponent": number("exponent", exponent, above=0.0),
     }
+    fit = KautzMaterial.fitted(Lobes.of(inputs.shapes), sizes[0])
     material = replace(fit, **{name: value for name, value in given.items() if value is not None})
     filtering: dict[str, Any] = {
-        "coefficients_face": coefficients_face,
-        "borders": borders,
-        "exponent": material.exponent if filter == "phong" else None,
+        "coefficients_face": sizes[1],
+        "borders": flag("borders", borders),
+        "exponent": material.exponent if is_phong else None,
     }
     faces = light_in(inputs.light, projection("cube"), size)
     return Kautz2003(material, KautzLight.of(faces, **filtering), filtering)
-
-
-def _check(filter_name: str, exponent: float | None, size: int, coefficients_face: int) -> None:
-    if filter_name not in FILTERS:
-        fix = did_you_mean(filter_name, FILTERS) + f"there are: {', '.join(FILTERS)}"
-        raise InputError(f"unknown filter '{filter_name}'", where="kautz2003, filter", fix=fix)
-    if exponent is not None and not exponent > 0:
-        raise InputError(f"exponent {exponent}", where="kautz2003, exponent", fix="give one above 0")
-    for name, value in (("size", size), ("coefficients_face", coefficients_face)):
-        if value < 1 or value & (value - 1):
-            raise InputError(f"{value} texels a side", where=f"kautz2003, {name}", fix="give a power of two")
-
-
-def _colour(value: Colour | None) -> NDArray[np.float64] | None:
-    return None if value is None else np.broadcast_to(np.asarray(value, dtype=np.float64), (3,))

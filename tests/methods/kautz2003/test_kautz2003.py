@@ -202,9 +202,14 @@ def test_what_is_given_replaces_what_is_fitted():
 def test_options_that_cannot_be_are_refused():
     for options, message in (
         ({"filter": "pong"}, "Did you mean 'phong'"),
-        ({"filter": "phong", "exponent": 0.0}, "above 0"),
+        ({"filter": "phong", "exponent": 0.0}, "number above 0"),
+        ({"bias": "high"}, "high is no bias"),
         ({"size": 100}, "power of two"),
+        ({"size": 2**20}, "up to 2048"),
         ({"coefficients_face": 0}, "power of two"),
+        ({"f_lambda": [0.1, 1.2, 0.1]}, r"in \[0, 1\]"),
+        ({"k_d": [0.1, 0.2]}, "one number or three"),
+        ({"borders": "yes"}, "true or false"),
     ):
         with pytest.raises(InputError, match=message):
             kautz2003(inputs(gradient, 16), **options)
