@@ -32,9 +32,11 @@ def main() -> None:
     _table("relRMSE of the box filter, against Phong's", [f"N = {n:g}" for n in EXPONENTS])
     for name, faces in lights.items():
         _row(name, [claims.box_error(faces, n) for n in EXPONENTS])
-    _table("spread of the box filter over turns of the cube", [f"b = {b:g}" for b in BIASES])
+    controls = [f"N = {n:g}" for n in EXPONENTS[:2]]
+    _table("spread over turns of the cube, box and Phong", [*(f"b = {b:g}" for b in BIASES), *controls])
     for name, faces in lights.items():
-        _row(name, [claims.shift_variance(faces, b) for b in BIASES])
+        box = [claims.shift_variance(faces, b) for b in BIASES]
+        _row(name, [*box, *(claims.shift_variance(faces, 0, exponent=n) for n in EXPONENTS[:2])])
     _table("step across borders, without and with the cure", [f"b = {b:g}{s}" for b in BIASES for s in ("", ", cured")])
     for name, faces in lights.items():
         _row(name, [claims.border_step(faces, b, borders=cure) for b in BIASES for cure in (False, True)])

@@ -109,24 +109,39 @@ def box_error(faces: Faces, exponent: float, *, borders: bool = True) -> float:
 
 
 @backend.in_session
-def shift_variance(faces: Faces, bias: float, turns: int = 8) -> float:
-    """Spread of box-filtered radiance over turns of the cube under a fixed environment, relative to its mean.
+def shift_variance(faces: Faces, bias: float, *, exponent: float | None = None, turns: int = 8) -> float:
+    """Spread of glossy radiance over turns of the cube under a fixed environment, relative to its mean.
 
-    A filter whose kernel is the same everywhere has none but that of resampling. Claim (section 4.2): the kernel's
-    change over the sphere is hardly noticeable in practice.
+    Claim (section 4.2): that the box kernel changes over the sphere is hardly noticeable in practice.
+
+    Parameters
+    ----------
+    faces : ndarray, shape (6, N, N, 3)
+        The environment.
+    bias : float
+        Level of detail of the box-filtered cube.
+    exponent : float, optional
+        Filter with Phong's lobe of this exponent instead: its kernel is the same everywhere, and what is left is the
+        spread of resampling.
+    turns : int
+        Number of random turns.
     """
     rng = np.random.default_rng(1)
-    d, size = even_directions(_DIRECTIONS), faces.shape[1]
-    source = SphereImage(projection("cube"), faces)
+    d, source = even_directions(_DIRECTIONS), SphereImage(projection("cube"), faces)
     seen = []
     for _ in range(turns):
         turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-        points = np.array(texel_directions(projection("cube"), _SUPERSAMPLING * size), dtype=np.float64).T @ turn.T
-        fine = _rows(source.lookup(_vector(points))).reshape(6, _SUPERSAMPLING * size, -1, 3)
-        turned = CubePyramid.of(box_levels(averaged(fine, size)), seams=True)
-        seen.append(_rows(turned.lookup(_vector(d @ turn), mi.Float(bias))))
+        light = KautzLight.of(_turned(source, turn, faces.shape[1]), exponent=exponent, borders=True)
+        seen.append(_rows(light.glossy.lookup(_vector(d @ turn), mi.Float(bias))))
     mean = np.mean(seen, axis=0)
     return float(np.sqrt(np.mean([relative_error(one, mean) ** 2 for one in seen])))
+
+
+def _turned(source: SphereImage, turn: Array, size: int) -> Faces:
+    """Faces of a cube that stands turned in the environment."""
+    fine = _SUPERSAMPLING * size
+    points = np.array(texel_directions(projection("cube"), fine), dtype=np.float64).T @ turn.T
+    return averaged(_rows(source.lookup(_vector(points))).reshape(6, fine, fine, 3), size)
 
 
 def kernel_widths(size: int, bias: float) -> dict[str, float]:

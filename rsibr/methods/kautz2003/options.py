@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -43,7 +42,7 @@ def number(name: str, value: Any, *, above: float = -np.inf) -> float | None:
     """Return a finite number above a limit, or None."""
     if value is None:
         return None
-    is_number = isinstance(value, Real) and not isinstance(value, bool) and bool(np.isfinite(float(value)))
+    is_number = type(value) in (int, float) and bool(np.isfinite(value))
     limit = "" if above == -np.inf else f" above {above:g}"
     _require(is_number and float(value) > above, name, value, f"give a number{limit}")
     return float(value)

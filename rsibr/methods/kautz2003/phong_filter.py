@@ -1,7 +1,7 @@
 """Cube filtered with Phong's lobe, by quadrature over the texels of the light; Kautz et al. (2003), eq. 7.
 
-Each texel of the result sums all texels of the light within reach of its lobe, in Dr.Jit. Blocks of texels out of reach
-are passed over. The light's faces are reduced to at least three texels a standard deviation of the lobe, and those of
+Each texel of the result sums all texels of the light within reach of its lobe, in Dr.Jit. Blocks of texels out of reach,
+large and small, are passed over. The light's faces are reduced to at least three texels a standard deviation of the lobe, and those of
 the result are as fine.
 """
 
@@ -23,7 +23,7 @@ LEAST_SIZE, FINENESS = 32, 6.4
 """Texels a side of the result: at least, and times √N."""
 
 _FAINTEST = 1e-6  # of the lobe's peak, where it is cut off
-_BLOCK = 8  # texels a side of a block of the light
+_LARGE, _SMALL = 32, 4  # texels a side of blocks of the light
 
 
 def size_for(exponent: float, most: int) -> int:
@@ -53,9 +53,9 @@ def phong_filtered(faces: Faces, exponent: float) -> NDArray[np.float32]:
     reflects as k_s for any N.
     """
     size = size_for(exponent, faces.shape[1])
-    light, blocks = _table(averaged(faces, size))
-    texels, count = to_device(mi.Float, light), dr.opaque(mi.UInt32, len(light))
-    spheres, side = to_device(mi.Float, blocks), mi.UInt32(len(light) // len(blocks))
+    light, cones, (large, small) = _table(averaged(faces, size))
+    texels, blocks, count = to_device(mi.Float, light), to_device(mi.Float, cones), dr.opaque(mi.UInt32, len(light))
+    first_small = dr.opaque(mi.UInt32, len(light) // large)
     r = texel_directions(projection("cube"), size)
     n = dr.opaque(mi.Float, exponent)
     reach = math.acos(_FAINTEST ** (1 / exponent))
@@ -63,14 +63,16 @@ def phong_filtered(faces: Faces, exponent: float) -> NDArray[np.float32]:
 
     def add(i: mi.UInt32, total: mi.Vector4f) -> tuple[mi.UInt32, mi.Vector4f]:
         # ---- At the first texel of a block: does the cone around it meet the lobe? cos(a + b) of half angles ----
-        block = dr.gather(mi.Vector4f, spheres, i // side)
+        is_large = i % large == 0
+        block = dr.gather(mi.Vector4f, blocks, dr.select(is_large, i // large, first_small + i // small))
         least = cosine * block.w - sine * dr.safe_sqrt(1 - block.w * block.w)
-        is_far = (i % side == 0) & (dr.dot(r, mi.Vector3f(block.x, block.y, block.z)) < least)
+        is_far = (i % small == 0) & (dr.dot(r, mi.Vector3f(block.x, block.y, block.z)) < least)
         # ---- One texel ----
         d, energy = dr.gather(mi.Vector4f, texels, 2 * i), dr.gather(mi.Vector4f, texels, 2 * i + 1)
         c = dr.dot(r, mi.Vector3f(d.x, d.y, d.z))
         weight = dr.select(is_far | (c <= 0), 0, dr.power(dr.maximum(c, 1e-9), n))
-        return i + dr.select(is_far, side, 1), total + weight * energy
+        step = dr.select(is_far, dr.select(is_large, mi.UInt32(large), mi.UInt32(small)), 1)
+        return i + step, total + weight * energy
 
     _, total = dr.while_loop(
         state=(mi.UInt32(0), dr.zeros(mi.Vector4f, 6 * size * size)),
@@ -83,16 +85,32 @@ def phong_filtered(faces: Faces, exponent: float) -> NDArray[np.float32]:
     return np.asarray((sums[:3] / sums[3]).T.reshape(6, size, size, 3), dtype=np.float32)
 
 
-def _table(faces: Faces) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Texels by blocks: direction, 0, energy, solid angle, shape (n, 8); and cones around blocks, shape (blocks, 4)."""
+def _table(faces: Faces) -> tuple[NDArray[np.float32], NDArray[np.float32], tuple[int, int]]:
+    """Texels in the order of their blocks, and the cones around these.
+
+    Returns
+    -------
+    texels : ndarray, shape (n, 8)
+        Direction, 0, radiance times solid angle, solid angle.
+    cones : ndarray, shape (blocks, 4)
+        Unit axis and cosine of the half angle: those of the large blocks, then of the small ones.
+    counts : (int, int)
+        Texels in a large and in a small block.
+    """
     size, cube = faces.shape[1], projection("cube")
     angles = texel_solid_angles(cube, size).reshape(-1, 1)
     directions = np.array(texel_directions(cube, size), dtype=np.float64).T
     rows = np.concatenate([directions, 0 * angles, faces.reshape(-1, 3) * angles, angles], axis=1)
-    side = min(_BLOCK, size)
-    blocks = rows.reshape(6, size // side, side, size // side, side, 8).swapaxes(2, 3).reshape(-1, side * side, 8)
-    middle = blocks[..., :3].sum(axis=1)
-    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
-    least = np.einsum("bic,bc->bi", blocks[..., :3], middle).min(axis=1)  # cosine of the half angle
-    cones = np.concatenate([middle, np.minimum(least, 1)[:, None]], axis=1)
-    return blocks.reshape(-1, 8).astype(np.float32), cones.astype(np.float32)
+    large, small = min(_LARGE, size), min(_SMALL, size)
+    split = rows.reshape(6, size // large, large // small, small, size // large, large // small, small, 8)
+    ordered = split.transpose(0, 1, 4, 2, 5, 3, 6, 7).reshape(-1, 8)
+    cones = np.concatenate([_cones(ordered[:, :3].reshape(-1, side * side, 3)) for side in (large, small)])
+    return ordered.astype(np.float32), cones.astype(np.float32), (large * large, small * small)
+
+
+def _cones(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cones around blocks of directions (blocks, n, 3): unit axis and cosine of the half angle, shape (blocks, 4)."""
+    axis = directions.sum(axis=1)
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    least = np.einsum("bic,bc->bi", directions, axis).min(axis=1)
+    return np.concatenate([axis, np.minimum(least, 1)[:, None]], axis=1)
