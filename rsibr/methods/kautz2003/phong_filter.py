@@ -1,8 +1,8 @@
 """Cube filtered with Phong's lobe, by quadrature over the texels of the light; Kautz et al. (2003), eq. 7.
 
-Each texel of the result sums all texels of the light within reach of its lobe, in Dr.Jit. Blocks of texels out of reach,
-large and small, are passed over. The light's faces are reduced to at least three texels a standard deviation of the lobe, and those of
-the result are as fine.
+Each texel of the result sums all texels of the light within reach of its lobe, in Dr.Jit. Blocks of texels out of
+reach, large and small, are passed over. The light's faces are reduced to at least three texels a standard deviation of
+the lobe, and those of the result are as fine.
 """
 
 from __future__ import annotations

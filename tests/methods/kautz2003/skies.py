@@ -18,6 +18,13 @@ def directions(size, samples=1):
     return blocks.reshape(6, size, size, samples**2, 3)
 
 
+def solid_angle(size, row, column, samples=16):
+    """Solid angle [sr] of a texel, the same on every face, by the midpoint rule."""
+    u = (np.arange(samples) + 0.5) / samples
+    x, y = np.meshgrid(2 * (column + u) / size - 1, 2 * (row + u) / size - 1)
+    return ((1 + x * x + y * y) ** -1.5).sum() * (2 / (size * samples)) ** 2
+
+
 def faces_of(sky, size, samples=4):
     """Mean radiance over the texels of sky: (..., 3) → (..., 3), weighted by solid angle; shape (6, size, size, 3)."""
     d = directions(size, samples)

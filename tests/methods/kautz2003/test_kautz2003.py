@@ -129,7 +129,9 @@ def test_directions_are_those_of_the_renderer(asymmetric_environment, rng):
     """The faces of a file show in each direction what the renderer's emitter shows there."""
     environment = load_environment(EnvironmentConfig(file=asymmetric_environment))
     made = kautz2003(
-        SimpleNamespace(light=light_of(environment, with_image=False), shapes=inputs(gradient).shapes), **MIRROR
+        SimpleNamespace(light=light_of(environment, with_image=False), shapes=inputs(gradient, 16).shapes),
+        **MIRROR,
+        size=128,
     )
     d = unit_vectors(rng, 500)
     si = dr.zeros(mi.SurfaceInteraction3f, len(d))

@@ -7,7 +7,7 @@ import pytest
 from rsibr.methods.kautz2003.kautz_light import KautzLight
 from rsibr.methods.kautz2003.phong_filter import phong_filtered, size_for
 from tests.arrays import to_numpy, unit_vectors, vector
-from tests.methods.kautz2003.skies import directions, faces_of, grey, harmonic
+from tests.methods.kautz2003.skies import directions, faces_of, grey, harmonic, solid_angle
 
 BANDS = ((0, 0), (1, 0), (2, 1), (3, -2), (6, 4))
 
@@ -53,11 +53,11 @@ def test_one_lit_texel_spreads_as_the_lobe():
     """(n+1)/2π cos^n at every direction, and nothing behind."""
     faces = np.zeros((6, 64, 64, 3), np.float32)
     faces[4, 20, 40] = 1.0
-    d = directions(64, 8)
-    angle = (2 / 512) ** 2 * (np.abs(d[4, 20, 40]).max(axis=-1) ** 3).sum()
+    angle = solid_angle(64, 20, 40)
     filtered = phong_filtered(faces, 60.0)
     assert filtered.shape[1] == 64
-    cosine = np.maximum(directions(64)[..., 0, :] @ directions(64)[4, 20, 40, 0], 0)
+    d = directions(64)[..., 0, :]
+    cosine = np.maximum(d @ d[4, 20, 40], 0)
     assert filtered[..., 1] == pytest.approx(61 / (2 * np.pi) * angle * cosine**60, rel=2e-3, abs=1e-7)
 
 
