@@ -99,7 +99,7 @@ def lambert(faces: Faces, n: Array) -> Array:
 def box_error(faces: Faces, exponent: float, *, borders: bool = True) -> float:
     """Error of the box-filtered cube with the bias of an exponent, against the Phong-filtered cube.
 
-    Claim (sections 4.2 and 6): the box filter resembles Phong's; differences are not very noticeable.
+    Claim (sections 4.2 and 6): the box filter looks much like Phong's.
     """
     d = _vector(even_directions(_DIRECTIONS))
     bias, _ = bias_for(phong(exponent), faces.shape[1])
@@ -112,7 +112,7 @@ def box_error(faces: Faces, exponent: float, *, borders: bool = True) -> float:
 def shift_variance(faces: Faces, bias: float, *, exponent: float | None = None, turns: int = 8) -> float:
     """Spread of glossy radiance over turns of the cube under a fixed environment, relative to its mean.
 
-    Claim (section 4.2): that the box kernel changes over the sphere is hardly noticeable in practice.
+    Claim (section 4.2): the variation of the box kernel over the sphere can hardly be seen.
 
     Parameters
     ----------

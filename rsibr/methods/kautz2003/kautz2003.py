@@ -8,6 +8,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from rsibr import backend
 from rsibr.geometry.projections.projection import projection
 from rsibr.light.projected import light_in
 from rsibr.lobes.microfacet import schlick
@@ -54,6 +55,7 @@ class Kautz2003(PointwiseMethod):
         self._level = mi.Float(material.bias)
         dr.make_opaque(self._f, self._k_d, self._k_s, self._level)
 
+    @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """See `Method.eval`; Kautz et al. (2003), eq. 8."""
         cosine = dr.dot(n, v)
@@ -61,6 +63,7 @@ class Kautz2003(PointwiseMethod):
         diffuse, glossy = self.light.radiance(n, 2 * cosine * n - v, self._level)
         return (1 - fresnel) * self._k_d * diffuse + fresnel * self._k_s * glossy
 
+    @backend.in_session
     def refiltered(self, faces: Faces) -> Kautz2003:
         """Return the same material under another environment.
 
