@@ -1,0 +1,193 @@
+"""`miller1984`: Miller & Hoffman (1984) as printed, one diffuse map by the normal and one specular by the reflection."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr import backend
+from rsibr.errors import InputError
+from rsibr.lobes.facet_moments import cosines
+from rsibr.methods.cosine_table import CosineTable
+from rsibr.methods.inputs import MethodInputs
+from rsibr.methods.miller1984.illumination import illumination_table
+from rsibr.methods.miller1984.material_fit import MaterialFit, PhongMaterial
+from rsibr.methods.miller1984.polar_table import Lookup, PolarTable
+from rsibr.methods.miller1984.reflectance import VARNISH, lambert, self_luminous
+from rsibr.methods.miller1984.tables import (
+    DIFFUSE_ROWS,
+    ILLUMINATION_ROWS,
+    Sizes,
+    diffuse_map,
+    phong_rows,
+    specular_map,
+    specular_reflectance,
+)
+from rsibr.methods.protocol import Needs, PointwiseMethod
+from rsibr.methods.registry import register
+
+Array = NDArray[np.float64]
+
+Colour = float | Sequence[float]
+"""One number, or one a channel."""
+
+Weights = Sequence[float] | Sequence[Sequence[float]]
+"""Weights by view angle, evenly spaced in √cos θ from grazing to head-on: numbers, or one a channel."""
+
+Diffuse = Literal["lambert", "self-luminous"]
+"""Diffuse convolution functions of section 6.1."""
+
+
+class Miller1984(PointwiseMethod):
+    """Shading W_d(E·N) D[N] + W_s(E·N) S[R] with R = 2(E·N)N − E; Miller & Hoffman (1984), section 3.
+
+    Attributes
+    ----------
+    material : PhongMaterial
+        Constants and weights in use.
+    fit : MaterialFit
+        Their fit to the lobes of the bake; `fit.error` is the relative error of the angular shape.
+    illumination : ndarray, shape (H, 2H, 3)
+        Illumination table I.
+    diffuse, specular : PolarTable or None
+        Maps D and S on the device; None where their constant is zero.
+    """
+
+    def __init__(
+        self,
+        inputs: MethodInputs,
+        material: PhongMaterial,
+        fit: MaterialFit,
+        sizes: Sizes = Sizes(),  # noqa: B008  # immutable
+        lookup: Lookup = "bilinear",
+        diffuse: Diffuse = "lambert",
+    ) -> None:
+        super().__init__(inputs)
+        self.material, self.fit = material, fit
+        light = self.illumination = illumination_table(inputs.light, sizes.illumination)
+        f_d, f_s = lambert() if diffuse == "lambert" else self_luminous(), specular_reflectance(material)
+        d = diffuse_map(light, material.k_d, f_d, sizes.diffuse) if material.k_d.any() else None
+        rows = sizes.of_specular(material.n, material.mirror)
+        summed_rows = rows if not material.mirror else min(rows, phong_rows(material.n, sizes.illumination))
+        has_specular = material.k_s.any() or material.mirror
+        s = specular_map(light, material.k_s, f_s, rows, summed_rows) if has_specular else None
+        self.diffuse, self.specular = (None if table is None else PolarTable.of(table, lookup) for table in (d, s))
+        self._w_d, self._w_s = CosineTable.of(material.w_d), CosineTable.of(material.w_s)
+
+    @backend.in_session
+    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
+        """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
+        cosine = dr.dot(n, v)
+        radiance = dr.zeros(mi.Color3f, dr.width(n))
+        if self.diffuse is not None:
+            radiance += self._w_d.colour(cosine) * self.diffuse.fetch(n)
+        if self.specular is not None:
+            radiance += self._w_s.colour(cosine) * self.specular.fetch(2 * cosine * n - v)
+        return radiance
+
+
+@register(
+    "miller1984",
+    summary="Miller & Hoffman (1984): diffuse map by the normal, specular map by the reflection",
+    needs=Needs(light=True, lobes=True),
+    sees_delta_lights=True,
+    rank=70,
+)
+def miller1984(
+    inputs: MethodInputs,
+    *,
+    k_d: Colour | None = None,
+    k_s: Colour | None = None,
+    n: float | None = None,
+    varnish: bool | None = None,
+    w_d: Weights | None = None,
+    w_s: Weights | None = None,
+    diffuse: Diffuse = "lambert",
+    lookup: Lookup = "bilinear",
+    illumination_rows: int = ILLUMINATION_ROWS,
+    diffuse_rows: int = DIFFUSE_ROWS,
+    specular_rows: int | None = None,
+) -> Miller1984:
+    """Make the method; what is not given is fitted to the lobes of the bake.
+
+    Parameters
+    ----------
+    inputs : MethodInputs
+        Light and lobes of a bake.
+    k_d, k_s : float or three floats, optional
+        Diffuse and specular constants.
+    n : float, optional
+        Exponent of Phong's function; `math.inf` for a perfect mirror.
+    varnish : bool, optional
+        Whether the specular function has the mirror part of a clear varnish coat; by default where the material has a
+        delta lobe beside a glossy one.
+    w_d, w_s : sequence, optional
+        Weights by view angle, at least two: evenly spaced in √cos θ from grazing to head-on.
+    diffuse : {"lambert", "self-luminous"}
+        Diffuse function.
+    lookup : {"bilinear", "nearest"}
+        How the maps are read.
+    illumination_rows, diffuse_rows, specular_rows : int
+        Rows of the tables I, D and S; each has twice as many columns. S has by default those of I if it has a mirror
+        part, otherwise as many as its exponent asks for.
+    """
+    known_word("diffuse", diffuse, ("lambert", "self-luminous"))
+    known_word("lookup", lookup, ("bilinear", "nearest"))
+    sizes = Sizes(illumination_rows, diffuse_rows, specular_rows)
+    fit, material = fitted_material(inputs, sizes, k_d=k_d, k_s=k_s, n=n, varnish=varnish, w_d=w_d, w_s=w_s)
+    return Miller1984(inputs, material, fit, sizes, lookup, diffuse)
+
+
+def fitted_material(inputs: MethodInputs, sizes: Sizes, **given: Any) -> tuple[MaterialFit, PhongMaterial]:
+    """Fit of the lobes, and the material with what is `given` in place of the fit; names as of `miller1984`."""
+    n, varnish = given["n"], given["varnish"]
+    if n is not None and not 0 < n <= sizes.highest_exponent and not np.isinf(n):
+        raise InputError(
+            f"n = {n:g} is not within 0 and {sizes.highest_exponent:.0f}, whose lobe is as wide as a texel of the light",
+            where="n",
+            fix="give more illumination_rows, or n = inf for a perfect mirror",
+        )
+    fit = MaterialFit.of(list(inputs.shapes.values()), None if n is None or np.isinf(n) else n)
+    fit = replace(fit, n=min(fit.n, sizes.highest_exponent))
+    material = fit.material()
+    if n is not None and np.isinf(n):
+        albedo = fit.glossy + fit.mirror
+        material = replace(material, n=np.inf, mirror=1.0, k_s=np.ones(3), w_s=albedo)
+    if varnish is not None and not np.isinf(material.n):
+        material = replace(material, mirror=VARNISH if varnish else 0.0)
+    for name in ("k_d", "k_s"):
+        if given[name] is not None:
+            material = replace(material, **{name: _colour(name, given[name])})
+    for name in ("w_d", "w_s"):
+        if given[name] is not None:
+            material = replace(material, **{name: _weights(name, given[name])})
+    return fit, material
+
+
+def known_word(option: str, word: str, words: Sequence[str]) -> None:
+    """Raise an InputError unless `word` is one of `words`."""
+    if word not in words:
+        raise InputError(f"unknown '{word}'", where=option, fix=f"use one of: {', '.join(words)}")
+
+
+def _colour(name: str, value: Colour) -> Array:
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape not in {(), (3,)} or not (np.isfinite(array).all() and (array >= 0).all()):
+        raise InputError(f"{value!r} is no colour", where=name, fix="give one number or three, ≥ 0")
+    return np.array(np.broadcast_to(array, 3))
+
+
+def _weights(name: str, value: Weights) -> Array:
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim == 1:
+        array = np.repeat(array[:, None], 3, axis=1)
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) < 2 or not np.isfinite(array).all():
+        raise InputError("is no table of weights", where=name, fix="give at least two numbers, or rows of three")
+    place = np.linspace(0, 1, len(array))
+    return np.stack([np.interp(np.sqrt(cosines()), place, channel) for channel in array.T], axis=1)
