@@ -163,7 +163,7 @@ def fitted_material(inputs: MethodInputs, sizes: Sizes, **given: Any) -> tuple[M
         material = replace(material, mirror=VARNISH if varnish else 0.0)
     for name in ("k_d", "k_s"):
         if given[name] is not None:
-            material = replace(material, **{name: _colour(name, given[name])})
+            material = replace(material, **{name: colour_of(name, given[name])})
     for name in ("w_d", "w_s"):
         if given[name] is not None:
             material = replace(material, **{name: _weights(name, given[name])})
@@ -176,7 +176,8 @@ def known_word(option: str, word: str, words: Sequence[str]) -> None:
         raise InputError(f"unknown '{word}'", where=option, fix=f"use one of: {', '.join(words)}")
 
 
-def _colour(name: str, value: Colour) -> Array:
+def colour_of(name: str, value: Colour) -> Array:
+    """Three numbers ≥ 0 of a colour that a user gave as the option `name`; raises an InputError."""
     array = np.asarray(value, dtype=np.float64)
     if array.shape not in {(), (3,)} or not (np.isfinite(array).all() and (array >= 0).all()):
         raise InputError(f"{value!r} is no colour", where=name, fix="give one number or three, ≥ 0")

@@ -24,7 +24,8 @@ class PolarTable:
     Attributes
     ----------
     texels : mi.Float
-        Four floats a texel, row-major, with a border of one texel from across the poles and the seam, flat.
+        Four floats a texel, row-major, with a border of one texel from across the poles and the seam, flat; one layer
+        after the other.
     rows, columns : mi.UInt32
         Size without the border (opaque).
     is_nearest : bool
@@ -38,25 +39,29 @@ class PolarTable:
 
     @classmethod
     def of(cls, values: NDArray[np.floating], lookup: Lookup = "bilinear") -> PolarTable:
-        """Put a table of shape (H, W, 3) on the device; W is even, so that a pole's rows meet at texels."""
-        rows, columns, _ = values.shape
-        padded = np.zeros((rows + 2, columns + 2, 4), dtype=np.float32)
+        """Put a table of shape (H, W, 3), or layers of it (K, H, W, 3), on the device; W is even.
+
+        With an even number of columns the rows next to a pole meet at texels' middles.
+        """
+        rows, columns, _ = values.shape[-3:]
+        padded = np.zeros((*values.shape[:-3], rows + 2, columns + 2, 4), dtype=np.float32)
         padded[..., :3] = bordered(values)
         sizes = (dr.opaque(mi.UInt32, size) for size in (rows, columns))
         return cls(to_device(mi.Float, padded), *sizes, is_nearest=lookup == "nearest")
 
-    def fetch(self, d: mi.Vector3f) -> mi.Color3f:
-        """Values in the unit directions `d`."""
+    def fetch(self, d: mi.Vector3f, layer: mi.UInt32 | int = 0) -> mi.Color3f:
+        """Values in the unit directions `d`, in a layer."""
         u, v = longitude_latitude(d)
         column, row = u * mi.Float(self.columns), v * mi.Float(self.rows)
         stride = self.columns + 2
+        start = layer * stride * (self.rows + 2)
         if self.is_nearest:
             left, top = dr.minimum(mi.UInt32(column), self.columns - 1), dr.minimum(mi.UInt32(row), self.rows - 1)
-            return _colour(dr.gather(mi.Vector4f, self.texels, dr.fma(top + 1, stride, left + 1)))
+            return _colour(dr.gather(mi.Vector4f, self.texels, start + dr.fma(top + 1, stride, left + 1)))
         cell = BilinearCell.at(
             dr.minimum(column, mi.Float(self.columns)) + 0.5, dr.minimum(row, mi.Float(self.rows)) + 0.5
         )
-        corner = cell.corner(stride)
+        corner = start + cell.corner(stride)
         upper, lower = (
             dr.lerp(
                 dr.gather(mi.Vector4f, self.texels, first),
@@ -70,9 +75,10 @@ class PolarTable:
 
 def bordered(values: NDArray[np.floating]) -> NDArray[np.floating]:
     """Add a border of one texel: across a pole lies the other side of the same row, across the seam the other end."""
-    over = values.shape[1] // 2
-    rows = np.concatenate([np.roll(values[:1], over, axis=1), values, np.roll(values[-1:], over, axis=1)])
-    return np.concatenate([rows[:, -1:], rows, rows[:, :1]], axis=1)
+    over = values.shape[-2] // 2
+    first, last = (np.roll(row, over, axis=-2) for row in (values[..., :1, :, :], values[..., -1:, :, :]))
+    rows = np.concatenate([first, values, last], axis=-3)
+    return np.concatenate([rows[..., -1:, :], rows, rows[..., :1, :]], axis=-2)
 
 
 def longitude_latitude(d: mi.Vector3f) -> tuple[mi.Float, mi.Float]:

@@ -1,0 +1,152 @@
+"""Further tables of Miller & Hoffman (1984), section 9: backscatter by the viewing direction, refraction."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from rsibr import backend
+from rsibr.errors import InputError
+from rsibr.methods.inputs import MethodInputs
+from rsibr.methods.miller1984.illumination import illumination_table
+from rsibr.methods.miller1984.miller1984 import Colour, Miller1984, colour_of, miller1984
+from rsibr.methods.miller1984.polar_table import Lookup, PolarTable
+from rsibr.methods.miller1984.reflectance import phong
+from rsibr.methods.miller1984.tables import ILLUMINATION_ROWS, phong_rows, specular_map
+from rsibr.methods.protocol import Needs, PointwiseMethod
+from rsibr.methods.registry import register
+
+
+class Backscatter(PointwiseMethod):
+    """`Miller1984` plus a specular table that is indexed by the viewing direction: W_d D[N] + W_s S[R] + S_b[E].
+
+    Attributes
+    ----------
+    surface : Miller1984
+        Diffuse and specular part.
+    backscatter : PolarTable
+        Table S_b.
+    """
+
+    def __init__(self, inputs: MethodInputs, surface: Miller1984, backscatter: PolarTable) -> None:
+        super().__init__(inputs)
+        self.surface, self.backscatter = surface, backscatter
+
+    @backend.in_session
+    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
+        """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
+        return self.surface.eval(n, v) + self.backscatter.fetch(v)
+
+
+@register(
+    "miller1984-backscatter",
+    summary="miller1984 with a third map by the viewing direction: lunar dust, reflective signs",
+    needs=Needs(light=True, lobes=True),
+    sees_delta_lights=True,
+    listed=False,
+)
+def backscatter(inputs: MethodInputs, *, albedo: Colour = 0.2, n: float = 20.0, **options: Any) -> Backscatter:
+    """Make the method.
+
+    Parameters
+    ----------
+    inputs : MethodInputs
+        Light and lobes of a bake. Lobes that reflect back to the viewer are not among those of a bake, so that the
+        backscatter is the user's.
+    albedo : float or three floats
+        Light of a constant sky that is reflected back: k_s = 2(n + 1) · albedo.
+    n : float
+        Exponent of the Phong function around the viewing direction.
+    **options
+        Of `miller1984`.
+    """
+    surface = miller1984(inputs, **options)
+    light = surface.illumination
+    if not 0 < n <= (len(light) / np.pi) ** 2:
+        raise InputError(f"n = {n:g} is no exponent that the light's table resolves", where="n", fix="give a lower one")
+    rows = phong_rows(n, len(light))
+    table = specular_map(light, 2 * (n + 1) * colour_of("albedo", albedo), phong(n), rows, rows)
+    return Backscatter(inputs, surface, PolarTable.of(table, options.get("lookup", "bilinear")))
+
+
+class Refraction(PointwiseMethod):
+    """Interface of a clear medium: F(E·N) I[R] + (1 − F(E·N)) k I[T], with T the refracted direction.
+
+    A single surface, as in the paper: what is seen in the direction T inside the medium is the environment itself.
+
+    Attributes
+    ----------
+    illumination : PolarTable
+        Illumination table, the map of a mirror.
+    ior : mi.Float
+        Index of refraction η inside over outside.
+    transmitted : mi.Color3f
+        Constant k.
+    """
+
+    def __init__(self, inputs: MethodInputs, illumination: PolarTable, ior: float, transmitted: Any) -> None:
+        super().__init__(inputs)
+        self.illumination, self.ior = illumination, dr.opaque(mi.Float, ior)
+        self.transmitted = mi.Color3f(transmitted)
+        dr.make_opaque(self.transmitted)
+
+    @backend.in_session
+    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
+        """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
+        cosine = dr.clip(dr.dot(n, v), 0, 1)
+        reflected, _, _, _ = mi.fresnel(cosine, self.ior)
+        mirrored = self.illumination.fetch(2 * cosine * n - v)
+        through = self.illumination.fetch(refracted_direction(n, v, self.ior))
+        return reflected * mirrored + (1 - reflected) * self.transmitted * through
+
+
+def refracted_direction(n: mi.Vector3f, v: mi.Vector3f, ior: mi.Float) -> mi.Vector3f:
+    """Direction in which the eye's ray goes on below the surface, by Snell's law; total reflection is clamped.
+
+    Parameters
+    ----------
+    n, v : mi.Vector3f
+        Unit normals, and unit directions to the viewer, n·v ≥ 0.
+    ior : mi.Float
+        Index of refraction η below over above the surface.
+    """
+    cosine, inverse = dr.dot(n, v), dr.rcp(ior)
+    below = dr.safe_sqrt(1 - inverse * inverse * (1 - cosine * cosine))
+    return dr.normalize((inverse * cosine - below) * n - inverse * v)
+
+
+@register(
+    "miller1984-refraction",
+    summary="Miller & Hoffman (1984), section 9: refraction at a single surface by a mirror map",
+    needs=Needs(light=True),
+    sees_delta_lights=True,
+    listed=False,
+)
+def refraction(
+    inputs: MethodInputs,
+    *,
+    ior: float = 1.5,
+    k: Colour = 1.0,
+    lookup: Lookup = "bilinear",
+    illumination_rows: int = ILLUMINATION_ROWS,
+) -> Refraction:
+    """Make the method, which replaces the material of the bake.
+
+    Parameters
+    ----------
+    inputs : MethodInputs
+        Light of a bake.
+    ior : float
+        Index of refraction of the medium over that outside, > 0; with 1 the environment is seen through.
+    k : float or three floats
+        Share of the transmitted light, its colour.
+    lookup, illumination_rows
+        As of `miller1984`.
+    """
+    if not (np.isfinite(ior) and ior > 0):
+        raise InputError(f"{ior!r} is no index of refraction", where="ior", fix="give a number > 0, such as 1.5")
+    table = PolarTable.of(illumination_table(inputs.light, illumination_rows), lookup)
+    return Refraction(inputs, table, ior, colour_of("k", k).tolist())
