@@ -1,1 +1,1 @@
-"""Method of Miller & Hoffman (1984): one diffuse and one specular reflection map, convolved from an illumination map."""
+"""Method of Miller & Hoffman (1984): a diffuse and a specular map, convolved from an illumination map."""

@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.geometry.projections.latlong import POLAR
+from rsibr.geometry.projections.sphere_image import texel_solid_angles
 from rsibr.methods.miller1984.reflectance import Reflectance
 
 Array = NDArray[np.float64]
@@ -20,15 +22,8 @@ def latitudes(rows: int) -> Array:
 
 
 def texel_areas(rows: int, columns: int) -> Array:
-    """Solid angle [sr] of a texel in each row, shape (rows,): 2π/columns · (cos v₁ − cos v₂) between its edges.
-
-    Examples
-    --------
-    >>> bool(np.isclose(72 * texel_areas(36, 72).sum(), 4 * np.pi))
-    True
-    """
-    edges = np.cos(np.arange(rows + 1) * (np.pi / rows))
-    return np.asarray((edges[:-1] - edges[1:]) * (2 * np.pi / columns))
+    """Solid angle [sr] of each texel, shape (rows, columns, 1)."""
+    return texel_solid_angles(POLAR, (rows, columns))[0, ..., None]
 
 
 def convolved(illumination: Array, reflectance: Reflectance, rows: int, columns: int) -> Array:
@@ -52,7 +47,7 @@ def convolved(illumination: Array, reflectance: Reflectance, rows: int, columns:
     table = np.zeros((rows, columns, 3))
     if reflectance.values is None:
         return table
-    energy = illumination * texel_areas(height, width)[:, None, None]
+    energy = illumination * texel_areas(height, width)
     spectrum = np.fft.rfft(energy, axis=1)
     place = (np.arange(columns) + 0.5) * (width / columns) - 0.5  # of the result's columns, in columns of the light
     offsets = np.round(place - np.floor(place), 9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -12,7 +13,7 @@ from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.miller1984.illumination import illumination_table
-from rsibr.methods.miller1984.miller1984 import Colour, Miller1984, colour_of, miller1984
+from rsibr.methods.miller1984.miller1984 import Colour, Miller1984, checked_exponent, colour_of, miller1984
 from rsibr.methods.miller1984.polar_table import Lookup, PolarTable
 from rsibr.methods.miller1984.reflectance import phong
 from rsibr.methods.miller1984.tables import ILLUMINATION_ROWS, phong_rows, specular_map
@@ -20,25 +21,22 @@ from rsibr.methods.protocol import Needs, PointwiseMethod
 from rsibr.methods.registry import register
 
 
-class Backscatter(PointwiseMethod):
+@dataclass(eq=False, repr=False)
+class Backscatter(Miller1984):
     """`Miller1984` plus a specular table that is indexed by the viewing direction: W_d D[N] + W_s S[R] + S_b[E].
 
     Attributes
     ----------
-    surface : Miller1984
-        Diffuse and specular part.
     backscatter : PolarTable
         Table S_b.
     """
 
-    def __init__(self, inputs: MethodInputs, surface: Miller1984, backscatter: PolarTable) -> None:
-        super().__init__(inputs)
-        self.surface, self.backscatter = surface, backscatter
+    backscatter: PolarTable
 
     @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
-        return self.surface.eval(n, v) + self.backscatter.fetch(v)
+        return super().eval(n, v) + self.backscatter.fetch(v)
 
 
 @register(
@@ -48,7 +46,7 @@ class Backscatter(PointwiseMethod):
     sees_delta_lights=True,
     listed=False,
 )
-def backscatter(inputs: MethodInputs, *, albedo: Colour = 0.2, n: float = 20.0, **options: Any) -> Backscatter:
+def backscatter(inputs: MethodInputs, *, albedo: Colour = 0.2, n_b: float = 20.0, **options: Any) -> Backscatter:
     """Make the method.
 
     Parameters
@@ -58,20 +56,20 @@ def backscatter(inputs: MethodInputs, *, albedo: Colour = 0.2, n: float = 20.0, 
         backscatter is the user's.
     albedo : float or three floats
         Light of a constant sky that is reflected back: k_s = 2(n + 1) · albedo.
-    n : float
+    n_b : float
         Exponent of the Phong function around the viewing direction.
     **options
         Of `miller1984`.
     """
     surface = miller1984(inputs, **options)
     light = surface.illumination
-    if not 0 < n <= (len(light) / np.pi) ** 2:
-        raise InputError(f"n = {n:g} is no exponent that the light's table resolves", where="n", fix="give a lower one")
-    rows = phong_rows(n, len(light))
-    table = specular_map(light, 2 * (n + 1) * colour_of("albedo", albedo), phong(n), rows, rows)
-    return Backscatter(inputs, surface, PolarTable.of(table, options.get("lookup", "bilinear")))
+    checked_exponent("n_b", n_b, len(light))
+    rows = phong_rows(n_b, len(light))
+    table = specular_map(light, 2 * (n_b + 1) * colour_of("albedo", albedo), phong(n_b), rows, rows)
+    return Backscatter(**vars(surface), backscatter=PolarTable.of(table, options.get("lookup", "bilinear")))
 
 
+@dataclass(eq=False, repr=False)
 class Refraction(PointwiseMethod):
     """Interface of a clear medium: F(E·N) I[R] + (1 − F(E·N)) k I[T], with T the refracted direction.
 
@@ -87,11 +85,10 @@ class Refraction(PointwiseMethod):
         Constant k.
     """
 
-    def __init__(self, inputs: MethodInputs, illumination: PolarTable, ior: float, transmitted: Any) -> None:
-        super().__init__(inputs)
-        self.illumination, self.ior = illumination, dr.opaque(mi.Float, ior)
-        self.transmitted = mi.Color3f(transmitted)
-        dr.make_opaque(self.transmitted)
+    inputs: MethodInputs
+    illumination: PolarTable
+    ior: mi.Float
+    transmitted: mi.Color3f
 
     @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
@@ -149,4 +146,6 @@ def refraction(
     if not (np.isfinite(ior) and ior > 0):
         raise InputError(f"{ior!r} is no index of refraction", where="ior", fix="give a number > 0, such as 1.5")
     table = PolarTable.of(illumination_table(inputs.light, illumination_rows), lookup)
-    return Refraction(inputs, table, ior, colour_of("k", k).tolist())
+    transmitted = mi.Color3f(colour_of("k", k).tolist())
+    dr.make_opaque(transmitted)
+    return Refraction(inputs, table, dr.opaque(mi.Float, ior), transmitted)

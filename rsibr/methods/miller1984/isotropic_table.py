@@ -2,15 +2,14 @@
 
 Radiance toward a distant viewer under a distant light depends on four numbers: two of the normal and two of the view.
 A table by R and E·N lacks one, the turn of the normal around R. It is complete for lobes that are symmetric about R at
-each view angle, of any width and shape; of any other lobe it keeps the mean over that turn. `radiance_by_turn` says what
-is lost.
+each view angle, of any width and shape; of any other lobe it keeps the mean over that turn. `radiance_by_turn` shows
+what is lost.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -24,11 +23,11 @@ from rsibr.lobes.shape_fit import shape_values
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.miller1984.convolution import convolved, latitudes, texel_areas
 from rsibr.methods.miller1984.material_fit import MaterialFit
-from rsibr.methods.miller1984.miller1984 import Miller1984, miller1984
-from rsibr.methods.miller1984.polar_table import PolarTable
+from rsibr.methods.miller1984.miller1984 import Miller1984, known_word
+from rsibr.methods.miller1984.polar_table import LOOKUPS, Lookup, PolarTable
 from rsibr.methods.miller1984.reflectance import zonal
-from rsibr.methods.miller1984.tables import phong_rows
-from rsibr.methods.protocol import Needs, PointwiseMethod
+from rsibr.methods.miller1984.tables import DIFFUSE_ROWS, Sizes, phong_rows
+from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
 from rsibr.methods.rsibr.lobe_terms import Lobe, resampled
 
@@ -70,7 +69,7 @@ def isotropic_map(illumination: Array, lobes: Sequence[Lobe], rows: int) -> Arra
     for cosine, energy in zip(node_cosines(), wanted, strict=True):
         x, lobe = mean_over_turn(lobes, cosine)
         layer = convolved(illumination, zonal(x, lobe), rows, 2 * rows)
-        layers.append(4 * np.pi * energy * layer)
+        layers.append(4 * np.pi * energy * layer)  # the lobe's integral is 1
     return np.stack(layers)
 
 
@@ -121,7 +120,7 @@ def radiance_by_turn(illumination: Array, lobes: Sequence[Lobe], r: Array, cosin
     height, width, _ = illumination.shape
     v, u = latitudes(height)[:, None], (np.arange(width) + 0.5) * (2 * np.pi / width)
     light = np.stack(np.broadcast_arrays(np.sin(v) * np.sin(u), np.cos(v), np.sin(v) * np.cos(u)), axis=-1)
-    energy = (illumination * texel_areas(height, width)[:, None, None]).reshape(-1, 3)
+    energy = (illumination * texel_areas(height, width)).reshape(-1, 3)
     tilt, turn = np.full(turns, np.arccos(cosine)), np.arange(turns) * (2 * np.pi / turns)
     found = []
     for n in _around(r, tilt, turn):
@@ -134,7 +133,7 @@ def radiance_by_turn(illumination: Array, lobes: Sequence[Lobe], r: Array, cosin
     return np.array(found)
 
 
-def _around(axis: Array, angle: Array, turn: Array) -> Array:
+def _around(axis: Array, angle: NDArray[np.floating], turn: NDArray[np.floating]) -> Array:
     """Unit directions at an angle from an axis, by the turn around it, shape (n, 3)."""
     helper = np.eye(3)[np.argmin(np.abs(axis))]
     x = np.cross(axis, helper)
@@ -156,20 +155,17 @@ def _glossy(lobes: Sequence[Lobe], wi: Array, view: Array) -> Array:
     return total
 
 
-class IsotropicTable(PointwiseMethod):
-    """Shading W_d(E·N) D[N] + T[R, E·N], plus W_m(E·N) I[R] where the material has a delta lobe.
+@dataclass(eq=False, repr=False)
+class IsotropicTable(Miller1984):
+    """Shading W_d(E·N) D[N] + T[R, E·N], plus W_s(E·N) I[R] where the material has a delta lobe.
 
     Attributes
     ----------
-    surface : Miller1984
-        Its diffuse part is used, and its specular part for the delta lobe.
     table : PolarTable
         Table T, a layer a view angle.
     """
 
-    def __init__(self, inputs: MethodInputs, surface: Miller1984, table: PolarTable) -> None:
-        super().__init__(inputs)
-        self.surface, self.table = surface, table
+    table: PolarTable
 
     @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
@@ -179,7 +175,7 @@ class IsotropicTable(PointwiseMethod):
         below = dr.minimum(mi.UInt32(place), NODES - 2)
         r = 2 * cosine * n - v
         glossy = dr.lerp(self.table.fetch(r, below), self.table.fetch(r, below + 1), place - mi.Float(below))
-        return self.surface.eval(n, v) + glossy
+        return super().eval(n, v) + glossy
 
 
 @register(
@@ -189,21 +185,31 @@ class IsotropicTable(PointwiseMethod):
     sees_delta_lights=True,
     listed=False,
 )
-def isotropic(inputs: MethodInputs, *, rows: int | None = None, **options: Any) -> IsotropicTable:
+def isotropic(
+    inputs: MethodInputs,
+    *,
+    lookup: Lookup = "bilinear",
+    illumination_rows: int = _MOST_ROWS,
+    diffuse_rows: int = DIFFUSE_ROWS,
+    rows: int | None = None,
+) -> IsotropicTable:
     """Make the method.
 
     Parameters
     ----------
     inputs : MethodInputs
         Light and lobes of a bake.
+    lookup, illumination_rows, diffuse_rows
+        As of `miller1984`.
     rows : int, optional
         Rows of each layer, which has twice as many columns; by default as the fitted exponent asks, at most 252.
-    **options
-        Of `miller1984`, for the diffuse part.
     """
+    known_word("lookup", lookup, LOOKUPS)
+    sizes = Sizes(illumination_rows, diffuse_rows, rows)
     lobes = list(inputs.shapes.values())
     fit = MaterialFit.of(lobes)
-    surface = miller1984(without_glossy(inputs), **options)
-    light = surface.illumination
-    count = min(phong_rows(fit.n, len(light)), _MOST_ROWS) if rows is None else rows
-    return IsotropicTable(inputs, surface, PolarTable.of(isotropic_map(light, lobes, count)))
+    matte = replace(fit, glossy=0 * fit.glossy).material()
+    parts = Miller1984.parts(inputs, matte, fit, replace(sizes, specular=None), lookup)
+    count = rows or min(phong_rows(fit.n, illumination_rows), _MOST_ROWS)
+    table = isotropic_map(parts["illumination"], lobes, count)
+    return IsotropicTable(**parts, table=PolarTable.of(table, lookup))

@@ -1,9 +1,9 @@
-"""`miller1984`: Miller & Hoffman (1984) as printed, one diffuse map by the normal and one specular by the reflection."""
+"""`miller1984`: Miller & Hoffman (1984) as printed: a diffuse map by the normal, a specular by the reflection."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import drjit as dr
@@ -18,13 +18,14 @@ from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.miller1984.illumination import illumination_table
 from rsibr.methods.miller1984.material_fit import MaterialFit, PhongMaterial
-from rsibr.methods.miller1984.polar_table import Lookup, PolarTable
+from rsibr.methods.miller1984.polar_table import LOOKUPS, Lookup, PolarTable
 from rsibr.methods.miller1984.reflectance import VARNISH, lambert, self_luminous
 from rsibr.methods.miller1984.tables import (
     DIFFUSE_ROWS,
     ILLUMINATION_ROWS,
     Sizes,
     diffuse_map,
+    highest_exponent,
     phong_rows,
     specular_map,
     specular_reflectance,
@@ -44,11 +45,14 @@ Diffuse = Literal["lambert", "self-luminous"]
 """Diffuse convolution functions of section 6.1."""
 
 
+@dataclass(eq=False, repr=False)
 class Miller1984(PointwiseMethod):
     """Shading W_d(E·N) D[N] + W_s(E·N) S[R] with R = 2(E·N)N − E; Miller & Hoffman (1984), section 3.
 
     Attributes
     ----------
+    inputs : MethodInputs
+        Light and lobes of a bake.
     material : PhongMaterial
         Constants and weights in use.
     fit : MaterialFit
@@ -57,28 +61,41 @@ class Miller1984(PointwiseMethod):
         Illumination table I.
     diffuse, specular : PolarTable or None
         Maps D and S on the device; None where their constant is zero.
+    w_d, w_s : CosineTable
+        Weights on the device.
     """
 
-    def __init__(
-        self,
+    inputs: MethodInputs
+    material: PhongMaterial
+    fit: MaterialFit
+    illumination: Array
+    diffuse: PolarTable | None
+    specular: PolarTable | None
+    w_d: CosineTable
+    w_s: CosineTable
+
+    @classmethod
+    def parts(
+        cls,
         inputs: MethodInputs,
         material: PhongMaterial,
         fit: MaterialFit,
-        sizes: Sizes = Sizes(),  # noqa: B008  # immutable
+        sizes: Sizes,
         lookup: Lookup = "bilinear",
         diffuse: Diffuse = "lambert",
-    ) -> None:
-        super().__init__(inputs)
-        self.material, self.fit = material, fit
-        light = self.illumination = illumination_table(inputs.light, sizes.illumination)
+    ) -> dict[str, Any]:
+        """Fields of the method: the tables of a material under the light of a bake; options as of `miller1984`."""
+        light = illumination_table(inputs.light, sizes.illumination)
         f_d, f_s = lambert() if diffuse == "lambert" else self_luminous(), specular_reflectance(material)
-        d = diffuse_map(light, material.k_d, f_d, sizes.diffuse) if material.k_d.any() else None
-        rows = sizes.of_specular(material.n, material.mirror)
-        summed_rows = rows if not material.mirror else min(rows, phong_rows(material.n, sizes.illumination))
-        has_specular = material.k_s.any() or material.mirror
-        s = specular_map(light, material.k_s, f_s, rows, summed_rows) if has_specular else None
-        self.diffuse, self.specular = (None if table is None else PolarTable.of(table, lookup) for table in (d, s))
-        self._w_d, self._w_s = CosineTable.of(material.w_d), CosineTable.of(material.w_s)
+        tables: dict[str, PolarTable | None] = {"diffuse": None, "specular": None}
+        if material.k_d.any():
+            tables["diffuse"] = PolarTable.of(diffuse_map(light, material.k_d, f_d, sizes.diffuse), lookup)
+        if material.k_s.any() or material.mirror:
+            rows = sizes.of_specular(material.n, material.mirror)
+            glossy_rows = min(rows, phong_rows(material.n, sizes.illumination)) if material.mirror else rows
+            tables["specular"] = PolarTable.of(specular_map(light, material.k_s, f_s, rows, glossy_rows), lookup)
+        weights = {"w_d": CosineTable.of(material.w_d), "w_s": CosineTable.of(material.w_s)}
+        return {"inputs": inputs, "material": material, "fit": fit, "illumination": light, **tables, **weights}
 
     @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
@@ -86,9 +103,9 @@ class Miller1984(PointwiseMethod):
         cosine = dr.dot(n, v)
         radiance = dr.zeros(mi.Color3f, dr.width(n))
         if self.diffuse is not None:
-            radiance += self._w_d.colour(cosine) * self.diffuse.fetch(n)
+            radiance += self.w_d.colour(cosine) * self.diffuse.fetch(n)
         if self.specular is not None:
-            radiance += self._w_s.colour(cosine) * self.specular.fetch(2 * cosine * n - v)
+            radiance += self.w_s.colour(cosine) * self.specular.fetch(2 * cosine * n - v)
         return radiance
 
 
@@ -138,42 +155,49 @@ def miller1984(
         part, otherwise as many as its exponent asks for.
     """
     known_word("diffuse", diffuse, ("lambert", "self-luminous"))
-    known_word("lookup", lookup, ("bilinear", "nearest"))
+    known_word("lookup", lookup, LOOKUPS)
     sizes = Sizes(illumination_rows, diffuse_rows, specular_rows)
     fit, material = fitted_material(inputs, sizes, k_d=k_d, k_s=k_s, n=n, varnish=varnish, w_d=w_d, w_s=w_s)
-    return Miller1984(inputs, material, fit, sizes, lookup, diffuse)
+    return Miller1984(**Miller1984.parts(inputs, material, fit, sizes, lookup, diffuse))
 
 
 def fitted_material(inputs: MethodInputs, sizes: Sizes, **given: Any) -> tuple[MaterialFit, PhongMaterial]:
     """Fit of the lobes, and the material with what is `given` in place of the fit; names as of `miller1984`."""
     n, varnish = given["n"], given["varnish"]
-    if n is not None and not 0 < n <= sizes.highest_exponent and not np.isinf(n):
-        raise InputError(
-            f"n = {n:g} is not within 0 and {sizes.highest_exponent:.0f}, whose lobe is as wide as a texel of the light",
-            where="n",
-            fix="give more illumination_rows, or n = inf for a perfect mirror",
-        )
+    if n is not None and not np.isinf(n):
+        checked_exponent("n", n, sizes.illumination)
     fit = MaterialFit.of(list(inputs.shapes.values()), None if n is None or np.isinf(n) else n)
-    fit = replace(fit, n=min(fit.n, sizes.highest_exponent))
+    fit = replace(fit, n=min(fit.n, highest_exponent(sizes.illumination)))
     material = fit.material()
     if n is not None and np.isinf(n):
         albedo = fit.glossy + fit.mirror
         material = replace(material, n=np.inf, mirror=1.0, k_s=np.ones(3), w_s=albedo)
     if varnish is not None and not np.isinf(material.n):
         material = replace(material, mirror=VARNISH if varnish else 0.0)
-    for name in ("k_d", "k_s"):
-        if given[name] is not None:
-            material = replace(material, **{name: colour_of(name, given[name])})
-    for name in ("w_d", "w_s"):
-        if given[name] is not None:
-            material = replace(material, **{name: _weights(name, given[name])})
-    return fit, material
+    checks: dict[str, Callable[[str, Any], Array]] = {
+        "k_d": colour_of,
+        "k_s": colour_of,
+        "w_d": _weights,
+        "w_s": _weights,
+    }
+    changes: dict[str, Any] = {
+        name: check(name, given[name]) for name, check in checks.items() if given[name] is not None
+    }
+    return fit, replace(material, **changes)
 
 
 def known_word(option: str, word: str, words: Sequence[str]) -> None:
     """Raise an InputError unless `word` is one of `words`."""
     if word not in words:
         raise InputError(f"unknown '{word}'", where=option, fix=f"use one of: {', '.join(words)}")
+
+
+def checked_exponent(option: str, n: float, rows: int) -> None:
+    """Raise an InputError unless an illumination table of so many rows resolves the exponent `n`."""
+    highest = highest_exponent(rows)
+    if not 0 < n <= highest:
+        what = f"{n!r} is not within 0 and {highest:.0f}, where a lobe is as wide as a texel of the illumination table"
+        raise InputError(what, where=option, fix="give more illumination_rows; n = inf is a perfect mirror")
 
 
 def colour_of(name: str, value: Colour) -> Array:

@@ -32,8 +32,8 @@ class Reflectance:
 
     Notes
     -----
-    A table holds (Σ I Area f)/4π + mirror · I. As printed, a mirror's f is one term of the sum, whose value would depend
-    on the area of a texel. The text says what is meant: the specular map of a mirror is the illumination map.
+    A table holds (Σ I Area f)/4π + mirror · I. As printed, a mirror's f is one term of the sum, and its value would
+    depend on the area of a texel. The text says what is meant: the specular map of a mirror is the illumination map.
     """
 
     values: Callable[[Array], Array] | None

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.errors import InputError
+from rsibr.geometry.projections.latlong import POLAR
 from rsibr.methods.miller1984.convolution import convolved
 from rsibr.methods.miller1984.material_fit import PhongMaterial
-from rsibr.methods.miller1984.polar_table import bordered
 from rsibr.methods.miller1984.reflectance import Reflectance, mirror, phong
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ of 36, so that the columns of the usual maps divide its own."""
 DIFFUSE_ROWS = 36
 """Rows of D, with twice as many columns; Miller & Hoffman (1984), section 6.1."""
 
-_TEXELS = 5.0  # of S in the standard deviation 1/√n of a Phong lobe: bilinear lookups then err by 0.5 % of its peak
+_TEXELS = 4.0  # of S in the standard deviation 1/√n of a Phong lobe: bilinear lookups err by 0.8 % of its peak
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,10 @@ class Sizes:
             return self.specular
         return self.illumination if mirrored else phong_rows(n, self.illumination)
 
-    @property
-    def highest_exponent(self) -> float:
-        """Exponent of the Phong lobe whose standard deviation 1/√n is one texel of I: a narrower one slips through."""
-        return (self.illumination / math.pi) ** 2
+
+def highest_exponent(rows: int) -> float:
+    """Exponent whose Phong lobe has a standard deviation 1/√n of one texel of an illumination table of so many rows."""
+    return (rows / math.pi) ** 2
 
 
 def phong_rows(n: float, most: int) -> int:
@@ -122,7 +122,7 @@ def resized(table: Array, rows: int) -> Array:
     height = len(table)
     if rows == height:
         return table
-    padded = bordered(table)
+    padded = np.asarray(POLAR.bordered(table.astype(np.float32)[None])[0], dtype=np.float64)
     for axis, count in ((0, rows), (1, 2 * rows)):
         place = (np.arange(count) + 0.5) * (height / rows) + 0.5
         below = place.astype(np.intp)
