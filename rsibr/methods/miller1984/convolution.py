@@ -50,10 +50,11 @@ def convolved(illumination: Array, reflectance: Reflectance, rows: int, columns:
     energy = illumination * texel_areas(height, width)
     spectrum = np.fft.rfft(energy, axis=1)
     place = (np.arange(columns) + 0.5) * (width / columns) - 0.5  # of the result's columns, in columns of the light
-    offsets = np.round(place - np.floor(place), 9)
+    whole = np.floor(place + 1e-9)
+    offsets = np.round(np.maximum(place - whole, 0), 12)
     for offset in np.unique(offsets):
         chosen = np.flatnonzero(offsets == offset)
-        at = np.floor(place[chosen] + 1e-9).astype(np.intp) % width
+        at = whole[chosen].astype(np.intp) % width
         for row in range((rows + 1) // 2):  # a row and its mirror image have the same kernel
             light, kernel = _kernel(reflectance, latitudes(rows)[row], height, width, float(offset))
             for out, used in ((row, light), (rows - 1 - row, height - 1 - light)):
