@@ -1,5 +1,6 @@
 """Lights and lobes with closed forms, and what a method reads of a bake, without a bake."""
 
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -36,18 +37,19 @@ def sky(direction):
     return image
 
 
-def light(radiance, resolution=256, delta=None):
+@cache
+def light(radiance, resolution=256):
     """Light of a bake with the radiance of a function of directions (..., 3)."""
     d = np.array(octahedral_directions(resolution)).T.astype(np.float64)
     picture = np.broadcast_to(radiance(d), (len(d), 3)).reshape(resolution, resolution, 3).astype(np.float32)
-    return Light(picture, delta=delta or DeltaLights.none())
+    return Light(picture)
 
 
 def one_light(direction, irradiance, resolution=64):
     """A light without extent in the dark."""
     d = np.asarray(direction, dtype=np.float32)[None]
     delta = DeltaLights(d / np.linalg.norm(d), np.asarray(irradiance, dtype=np.float32)[None])
-    return light(lambda d: np.zeros((len(d), 3)), resolution, delta)
+    return Light(np.zeros((resolution, resolution, 3), np.float32), delta=delta)
 
 
 def matte(*albedo):

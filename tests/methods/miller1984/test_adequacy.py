@@ -7,7 +7,7 @@ from rsibr.methods.miller1984.adequacy import FINER, lookup_error
 from rsibr.methods.miller1984.convolution import texel_areas
 from tests.methods.miller1984.scene import polar_directions, sky
 
-ROWS = 252
+ROWS = 126
 
 
 def spot(rows=ROWS):

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from rsibr.methods.miller1984.isotropic_table import isotropic, mean_over_turn, node_cosines, radiance_by_turn
-from rsibr.methods.miller1984.miller1984 import miller1984
 from tests.methods.miller1984.scene import glossy, inputs, light, matte, mirror, polar_directions, sky
-from tests.methods.miller1984.test_method import grey, pairs, radiance
+from tests.methods.miller1984.test_method import grey, miller1984, pairs, radiance
 
 ROWS = 72
 
@@ -61,6 +60,7 @@ def test_it_is_nearer_to_the_lobe_than_a_phong_lobe_is(rng):
     lit, illumination = inputs(light(sky), *lobes), sky(polar_directions(ROWS))
     grey_sky = np.ones((ROWS, 2 * ROWS, 3))
     errors = {isotropic: 0.0, miller1984: 0.0}
+    made = {make: make(lit, illumination_rows=ROWS) for make in errors}
     for cosine in (0.9, 0.6, 0.35):
         r = np.array([0.1, 0.95, 0.2958])
         r /= np.linalg.norm(r)
@@ -68,8 +68,7 @@ def test_it_is_nearer_to_the_lobe_than_a_phong_lobe_is(rng):
         exact *= 0.5 * np.interp(np.sqrt(cosine), [0, 1], [1, 0.6]) / radiance_by_turn(grey_sky, lobes, r, cosine, 8)
         n = _normals(r, cosine, 8)
         v = 2 * cosine * n - r
-        for make in errors:
-            method = make(lit, illumination_rows=ROWS)
+        for make, method in made.items():
             errors[make] += np.abs(radiance(method, n, v) - exact).mean() / exact.mean()
     assert errors[isotropic] < errors[miller1984]
 

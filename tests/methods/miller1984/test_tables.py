@@ -92,10 +92,10 @@ def test_rows_grow_with_the_exponent_up_to_those_of_the_light():
     assert Sizes(specular=17).of_specular(10, VARNISH) == 17
 
 
-@pytest.mark.parametrize("n", [1, 30, 1000, highest_exponent(504)])
+@pytest.mark.parametrize("n", [1, 1000, highest_exponent(252)])
 def test_energy_survives_the_sizes_by_default(n):
     """A constant sky at every texel of S; the worst are the poles, where the sum over rows is a midpoint rule."""
-    table = specular_map(np.ones((504, 1008, 3)), np.ones(3), phong(n), 36, 36) * 2 * (n + 1)
+    table = specular_map(np.ones((252, 504, 3)), np.ones(3), phong(n), 36, 36) * 2 * (n + 1)
     assert np.abs(table - 1).max() < 0.1
     assert table.mean() == pytest.approx(1, abs=5e-3)
 
