@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.errors import InputError
+from rsibr.geometry.projections.sphere_map import covered_middle, normal_from_disk, texel_centre, tiled_texels
 from rsibr.lobes.facet_moments import cosines
 from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.inputs import MethodInputs
+from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
 from rsibr.methods.miller1984.illumination import illumination_table
 from rsibr.methods.miller1984.material_fit import MaterialFit, PhongMaterial
 from rsibr.methods.miller1984.polar_table import LOOKUPS, Lookup, PolarTable
@@ -32,6 +34,7 @@ from rsibr.methods.miller1984.tables import (
 )
 from rsibr.methods.protocol import Needs, PointwiseMethod
 from rsibr.methods.registry import register
+from rsibr.methods.rsibr.texel_mean import texel_mean
 
 Array = NDArray[np.float64]
 
@@ -40,6 +43,9 @@ Colour = float | Sequence[float]
 
 Weights = Sequence[float] | Sequence[Sequence[float]]
 """Weights by view angle, evenly spaced in √cos θ from grazing to head-on: numbers, or one a channel."""
+
+POINTS, MOST_POINTS = 2, 64
+"""Points along a side of a map's texel: by default, and at most."""
 
 Diffuse = Literal["lambert", "self-luminous"]
 """Diffuse convolution functions of section 6.1."""
@@ -63,6 +69,8 @@ class Miller1984(PointwiseMethod):
         Maps D and S on the device; None where their constant is zero.
     w_d, w_s : CosineTable
         Weights on the device.
+    points : int
+        Points along a side of a map's texel that are averaged: antialiasing by a box filter (section 8).
     """
 
     inputs: MethodInputs
@@ -73,6 +81,7 @@ class Miller1984(PointwiseMethod):
     specular: PolarTable | None
     w_d: CosineTable
     w_s: CosineTable
+    points: int
 
     @classmethod
     def parts(
@@ -83,6 +92,7 @@ class Miller1984(PointwiseMethod):
         sizes: Sizes,
         lookup: Lookup = "bilinear",
         diffuse: Diffuse = "lambert",
+        points: int = POINTS,
     ) -> dict[str, Any]:
         """Fields of the method: the tables of a material under the light of a bake; options as of `miller1984`."""
         light = illumination_table(inputs.light, sizes.illumination)
@@ -95,18 +105,41 @@ class Miller1984(PointwiseMethod):
             glossy_rows = min(rows, phong_rows(material.n, sizes.illumination)) if material.mirror else rows
             tables["specular"] = PolarTable.of(specular_map(light, material.k_s, f_s, rows, glossy_rows), lookup)
         weights = {"w_d": CosineTable.of(material.w_d), "w_s": CosineTable.of(material.w_s)}
-        return {"inputs": inputs, "material": material, "fit": fit, "illumination": light, **tables, **weights}
+        known = {"inputs": inputs, "material": material, "fit": fit, "illumination": light}
+        return {**known, **tables, **weights, "points": points}
 
     @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
         cosine = dr.dot(n, v)
-        radiance = dr.zeros(mi.Color3f, dr.width(n))
+        radiance = mi.Color3f(0 * cosine)
         if self.diffuse is not None:
             radiance += self.w_d.colour(cosine) * self.diffuse.fetch(n)
         if self.specular is not None:
             radiance += self.w_s.colour(cosine) * self.specular.fetch(2 * cosine * n - v)
         return radiance
+
+    @backend.in_session
+    def map(self, frame: NDArray[np.float64], resolution: int) -> mi.TensorXf:
+        """Radiance of a whole sphere map; see `Method.map`."""
+        if self.points == 1:
+            return super().map(frame, resolution)
+        columns = mi.Float(frame.T.ravel().tolist())
+        dr.make_opaque(columns)
+        to_world = frame_from(columns)
+        texel = tiled_texels(resolution)
+        p = texel_centre(texel, resolution)
+        n, v = normal_from_disk(covered_middle(p, resolution)), view_of(to_world)
+        side = dr.opaque(mi.UInt32, self.points)
+        seen = texel_mean(
+            n,
+            mi.Float(2 / resolution),
+            (side, side),
+            lambda local: self.eval(to_world @ local, v),
+            "miller1984",
+        )
+        radiance = dr.select(touches_disk(p, resolution), as_rgba(seen), 0)
+        return mi.TensorXf(laid_out(radiance, texel, resolution), (resolution, resolution, 4))
 
 
 @register(
@@ -130,6 +163,7 @@ def miller1984(
     illumination_rows: int = ILLUMINATION_ROWS,
     diffuse_rows: int = DIFFUSE_ROWS,
     specular_rows: int | None = None,
+    points: int = POINTS,
 ) -> Miller1984:
     """Make the method; what is not given is fitted to the lobes of the bake.
 
@@ -153,12 +187,16 @@ def miller1984(
     illumination_rows, diffuse_rows, specular_rows : int
         Rows of the tables I, D and S; each has twice as many columns. S has by default those of I if it has a mirror
         part, otherwise as many as its exponent asks for.
+    points : int
+        Points along a side of a map's texel, whose mean the texel shows: the box filter of section 8.1.
     """
     known_word("diffuse", diffuse, ("lambert", "self-luminous"))
     known_word("lookup", lookup, LOOKUPS)
+    if not (isinstance(points, int) and 1 <= points <= MOST_POINTS):
+        raise InputError(f"{points!r} is no number of points", where="points", fix=f"give one from 1 to {MOST_POINTS}")
     sizes = Sizes(illumination_rows, diffuse_rows, specular_rows)
     fit, material = fitted_material(inputs, sizes, k_d=k_d, k_s=k_s, n=n, varnish=varnish, w_d=w_d, w_s=w_s)
-    return Miller1984(**Miller1984.parts(inputs, material, fit, sizes, lookup, diffuse))
+    return Miller1984(**Miller1984.parts(inputs, material, fit, sizes, lookup, diffuse, points))
 
 
 def fitted_material(inputs: MethodInputs, sizes: Sizes, **given: Any) -> tuple[MaterialFit, PhongMaterial]:

@@ -1,5 +1,7 @@
 """The claim that 36 × 72 texels are adequate for Lambert, against sums at directions of their own."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -36,7 +38,7 @@ def test_one_light_is_the_worst_case():
 def test_finer_tables_are_nearer(lookup):
     errors = [lookup_error(sky(polar_directions(ROWS)), rows, lookup).rel_rmse for rows in (9, 18, 36)]
     ratio = 4 if lookup == "bilinear" else 2
-    for coarse, fine in zip(errors, errors[1:], strict=False):
+    for coarse, fine in pairwise(errors):
         assert coarse / fine == pytest.approx(ratio, rel=0.3)
 
 

@@ -40,25 +40,25 @@ def test_rows_and_columns_lie_as_in_the_projection():
     assert np.allclose(np.cos(latitudes(36)), device_polar_directions(36)[:, 0, 1], atol=1e-6)
 
 
-def harmonic(l, m, rows=ROWS):
+def harmonic(band, m, rows=ROWS):
     """Real harmonic about +Y, asymmetric for m ≠ 0, in three channels."""
     d = polar_directions(rows)
-    value = sph_harm_y(l, abs(m), np.arccos(np.clip(d[..., 1], -1, 1)), np.arctan2(d[..., 0], d[..., 2]))
+    value = sph_harm_y(band, abs(m), np.arccos(np.clip(d[..., 1], -1, 1)), np.arctan2(d[..., 0], d[..., 2]))
     return np.repeat((value.real if m >= 0 else value.imag)[..., None], 3, axis=-1)
 
 
-def band_factor(f, l, m, rows=36):
+def band_factor(f, band, m, rows=36):
     """Factor by which the sum multiplies a harmonic: least squares, and the greatest deviation from proportionality."""
-    found, own = convolved(harmonic(l, m), f, rows, 2 * rows), harmonic(l, m, rows)
+    found, own = convolved(harmonic(band, m), f, rows, 2 * rows), harmonic(band, m, rows)
     factor = (found * own).sum() / (own * own).sum()
     return factor, np.abs(found - factor * own).max()
 
 
-@pytest.mark.parametrize(("l", "factor"), [(0, np.pi), (1, 2 * np.pi / 3), (2, np.pi / 4), (3, 0), (4, -np.pi / 24)])
-def test_lambert_multiplies_each_band_by_its_factor(l, factor):
+@pytest.mark.parametrize(("band", "factor"), [(0, np.pi), (1, 2 * np.pi / 3), (2, np.pi / 4), (3, 0), (4, -np.pi / 24)])
+def test_lambert_multiplies_each_band_by_its_factor(band, factor):
     """Ramamoorthi & Hanrahan (2001), eq. 8 and 9, over the printed 4π."""
-    for m in {0, 1, -2} & set(range(-l, l + 1)):
-        found, off = band_factor(lambert(), l, m)
+    for m in {0, 1, -2} & set(range(-band, band + 1)):
+        found, off = band_factor(lambert(), band, m)
         assert found == pytest.approx(factor / (4 * np.pi), abs=1e-4)
         assert off < 1e-4
 
@@ -67,10 +67,10 @@ def test_lambert_multiplies_each_band_by_its_factor(l, factor):
 def test_hc19_phong_multiplies_each_band_by_its_factor(n):
     """Λ₀ = 1, Λ₁ = (n+1)/(n+2), Λ_l = Λ_{l−2} (n+2−l)/(n+1+l), over 2(n + 1)."""
     bands = [1.0, (n + 1) / (n + 2)]
-    for l in range(2, 5):
-        bands.append(bands[l - 2] * (n + 2 - l) / (n + 1 + l))
-    for l, expected in enumerate(bands):
-        found, off = band_factor(phong(n), l, min(l, 1))
+    for band in range(2, 5):
+        bands.append(bands[band - 2] * (n + 2 - band) / (n + 1 + band))
+    for band, expected in enumerate(bands):
+        found, off = band_factor(phong(n), band, min(band, 1))
         assert found * 2 * (n + 1) == pytest.approx(expected, abs=6e-5 * n + 3e-4)
         assert off * 2 * (n + 1) < 5e-3
 

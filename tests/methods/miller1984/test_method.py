@@ -144,6 +144,16 @@ def test_from_the_second_view_on_nothing_is_compiled(rng):
     assert all(kernel["cache_hit"] for kernel in launched)
 
 
+def test_a_texel_shows_the_mean_over_its_points():
+    """Of a mirror under a narrow light: four points a texel are the mean of the map of twice the resolution."""
+    frame, lit = view_frame([1, 2, 3]), inputs(light(sky), mirror())
+    coarse = image(miller1984(lit, points=2), frame, 32)
+    fine = image(miller1984(lit, points=1), frame, 64).reshape(32, 2, 32, 2, 3).mean(axis=(1, 3))
+    whole = inside(32, 0.9)
+    assert np.allclose(coarse[whole], fine[whole], rtol=1e-3, atol=1e-4)
+    assert not np.allclose(image(miller1984(lit, points=1), frame, 32)[whole], fine[whole], rtol=0.05)
+
+
 def test_constants_and_weights_of_the_user_come_before_the_fit():
     lit = inputs(light(grey, 64), matte(0.5, 0.5, 0.5), glossy(0.1))
     given = miller1984(lit, k_d=(1, 2, 3), k_s=4.0, n=9.0, w_d=[0.5, 0.5], w_s=[[1, 2, 3], [1, 2, 3]], varnish=True)
@@ -167,6 +177,7 @@ def test_constants_and_weights_of_the_user_come_before_the_fit():
         ({"w_d": [1.0]}, "w_d: "),
         ({"w_s": [[1.0, np.nan, 0.0]] * 2}, "w_s: "),
         ({"specular_rows": 0}, "specular_rows: "),
+        ({"points": 0}, "points: "),
         ({"illumination_rows": 1.5}, "illumination_rows: "),
     ],
 )
