@@ -9,34 +9,43 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.miller1984.illumination import illumination_table
-from rsibr.methods.miller1984.miller1984 import Colour, Miller1984, checked_exponent, colour_of, miller1984
+from rsibr.methods.miller1984.miller1984 import (
+    Colour,
+    Miller1984,
+    checked_exponent,
+    checked_sizes,
+    colour_of,
+    miller1984,
+)
 from rsibr.methods.miller1984.polar_table import Lookup, PolarTable
 from rsibr.methods.miller1984.reflectance import phong
+from rsibr.methods.miller1984.table_method import POINTS, Shading, TableMethod
 from rsibr.methods.miller1984.tables import ILLUMINATION_ROWS, phong_rows, specular_map
-from rsibr.methods.protocol import Needs, PointwiseMethod
+from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
 
 
-@dataclass(eq=False, repr=False)
-class Backscatter(Miller1984):
-    """`Miller1984` plus a specular table that is indexed by the viewing direction: W_d D[N] + W_s S[R] + S_b[E].
+@dataclass(eq=False)
+class Backscatter:
+    """Shading of a surface plus a specular table that is indexed by the viewing direction, S_b[E].
 
     Attributes
     ----------
-    backscatter : PolarTable
+    surface : Shading
+        Diffuse and specular part.
+    table : PolarTable
         Table S_b.
     """
 
-    backscatter: PolarTable
+    surface: Shading
+    table: PolarTable
 
-    @backend.in_session
-    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
+    def radiance(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
-        return super().eval(n, v) + self.backscatter.fetch(v)
+        return self.surface.radiance(n, v) + self.table.fetch(v)
 
 
 @register(
@@ -46,7 +55,14 @@ class Backscatter(Miller1984):
     sees_delta_lights=True,
     listed=False,
 )
-def backscatter(inputs: MethodInputs, *, albedo: Colour = 0.2, n_b: float = 20.0, **options: Any) -> Backscatter:
+def backscatter(
+    inputs: MethodInputs,
+    *,
+    albedo: Colour = 0.2,
+    n_b: float = 20.0,
+    illumination_rows: int = ILLUMINATION_ROWS,
+    **options: Any,
+) -> Miller1984:
     """Make the method.
 
     Parameters
@@ -58,19 +74,19 @@ def backscatter(inputs: MethodInputs, *, albedo: Colour = 0.2, n_b: float = 20.0
         Light of a constant sky that is reflected back: k_s = 2(n + 1) · albedo.
     n_b : float
         Exponent of the Phong function around the viewing direction.
-    **options
+    illumination_rows, **options
         Of `miller1984`.
     """
-    surface = miller1984(inputs, **options)
-    light = surface.illumination
-    checked_exponent("n_b", n_b, len(light))
-    rows = phong_rows(n_b, len(light))
+    method = miller1984(inputs, illumination_rows=illumination_rows, **options)
+    checked_exponent("n_b", n_b, illumination_rows)
+    light, rows = illumination_table(inputs.light, illumination_rows), phong_rows(n_b, illumination_rows)
     table = specular_map(light, 2 * (n_b + 1) * colour_of("albedo", albedo), phong(n_b), rows, rows)
-    return Backscatter(**vars(surface), backscatter=PolarTable.of(table, options.get("lookup", "bilinear")))
+    shading = Backscatter(method.shading, PolarTable.of(table, options.get("lookup", "bilinear")))
+    return Miller1984(inputs, shading, method.points, method.material, method.fit)
 
 
-@dataclass(eq=False, repr=False)
-class Refraction(PointwiseMethod):
+@dataclass(eq=False)
+class Refraction:
     """Interface of a clear medium: F(E·N) I[R] + (1 − F(E·N)) k I[T], with T the refracted direction.
 
     A single surface, as in the paper: what is seen in the direction T inside the medium is the environment itself.
@@ -85,13 +101,11 @@ class Refraction(PointwiseMethod):
         Constant k.
     """
 
-    inputs: MethodInputs
     illumination: PolarTable
     ior: mi.Float
     transmitted: mi.Color3f
 
-    @backend.in_session
-    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
+    def radiance(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
         cosine = dr.clip(dr.dot(n, v), 0, 1)
         reflected, _, _, _ = mi.fresnel(cosine, self.ior)
@@ -129,7 +143,8 @@ def refraction(
     k: Colour = 1.0,
     lookup: Lookup = "bilinear",
     illumination_rows: int = ILLUMINATION_ROWS,
-) -> Refraction:
+    points: int = POINTS,
+) -> TableMethod:
     """Make the method, which replaces the material of the bake.
 
     Parameters
@@ -140,12 +155,13 @@ def refraction(
         Index of refraction of the medium over that outside, > 0; with 1 the environment is seen through.
     k : float or three floats
         Share of the transmitted light, its colour.
-    lookup, illumination_rows
+    lookup, illumination_rows, points
         As of `miller1984`.
     """
     if not (np.isfinite(ior) and ior > 0):
         raise InputError(f"{ior!r} is no index of refraction", where="ior", fix="give a number > 0, such as 1.5")
+    checked_sizes(lookup, points, illumination_rows)
     table = PolarTable.of(illumination_table(inputs.light, illumination_rows), lookup)
     transmitted = mi.Color3f(colour_of("k", k).tolist())
     dr.make_opaque(transmitted)
-    return Refraction(inputs, table, dr.opaque(mi.Float, ior), transmitted)
+    return TableMethod(inputs, Refraction(table, dr.opaque(mi.Float, ior), transmitted), points)

@@ -16,17 +16,18 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr import backend
 from rsibr.lobes.facet_moments import cosines
 from rsibr.lobes.probe_directions import ProbeDirections
 from rsibr.lobes.shape_fit import shape_values
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.miller1984.convolution import convolved, latitudes, texel_areas
+from rsibr.methods.miller1984.illumination import illumination_table
 from rsibr.methods.miller1984.material_fit import MaterialFit
-from rsibr.methods.miller1984.miller1984 import Miller1984, known_word
-from rsibr.methods.miller1984.polar_table import LOOKUPS, Lookup, PolarTable
+from rsibr.methods.miller1984.miller1984 import Miller1984, checked_sizes, two_maps
+from rsibr.methods.miller1984.polar_table import Lookup, PolarTable
 from rsibr.methods.miller1984.reflectance import zonal
-from rsibr.methods.miller1984.tables import DIFFUSE_ROWS, Sizes, phong_rows
+from rsibr.methods.miller1984.table_method import POINTS, TwoMaps
+from rsibr.methods.miller1984.tables import DIFFUSE_ROWS, phong_rows
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
 from rsibr.methods.rsibr.lobe_terms import Lobe, resampled
@@ -155,27 +156,29 @@ def _glossy(lobes: Sequence[Lobe], wi: Array, view: Array) -> Array:
     return total
 
 
-@dataclass(eq=False, repr=False)
-class IsotropicTable(Miller1984):
+@dataclass(eq=False)
+class IsotropicTable:
     """Shading W_d(E·N) D[N] + T[R, E·N], plus W_s(E·N) I[R] where the material has a delta lobe.
 
     Attributes
     ----------
+    matte : TwoMaps
+        D, and I for the delta lobe.
     table : PolarTable
         Table T, a layer a view angle.
     """
 
+    matte: TwoMaps
     table: PolarTable
 
-    @backend.in_session
-    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
+    def radiance(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
         cosine = dr.dot(n, v)
         place = dr.sqrt(dr.clip(cosine, 0, 1)) * (NODES - 1)
         below = dr.minimum(mi.UInt32(place), NODES - 2)
         r = 2 * cosine * n - v
         glossy = dr.lerp(self.table.fetch(r, below), self.table.fetch(r, below + 1), place - mi.Float(below))
-        return super().eval(n, v) + glossy
+        return self.matte.radiance(n, v) + glossy
 
 
 @register(
@@ -192,24 +195,24 @@ def isotropic(
     illumination_rows: int = _MOST_ROWS,
     diffuse_rows: int = DIFFUSE_ROWS,
     rows: int | None = None,
-) -> IsotropicTable:
+    points: int = POINTS,
+) -> Miller1984:
     """Make the method.
 
     Parameters
     ----------
     inputs : MethodInputs
         Light and lobes of a bake.
-    lookup, illumination_rows, diffuse_rows
+    lookup, illumination_rows, diffuse_rows, points
         As of `miller1984`.
     rows : int, optional
         Rows of each layer, which has twice as many columns; by default as the fitted exponent asks, at most 252.
     """
-    known_word("lookup", lookup, LOOKUPS)
-    sizes = Sizes(illumination_rows, diffuse_rows, rows)
+    sizes = checked_sizes(lookup, points, illumination_rows, diffuse_rows, rows)
     lobes = list(inputs.shapes.values())
-    fit = MaterialFit.of(lobes)
-    matte = replace(fit, glossy=0 * fit.glossy).material()
-    parts = Miller1984.parts(inputs, matte, fit, replace(sizes, specular=None), lookup)
+    fit, light = MaterialFit.of(lobes), illumination_table(inputs.light, illumination_rows)
+    material = replace(fit, glossy=0 * fit.glossy).material()
+    matte = two_maps(light, material, replace(sizes, specular=None), lookup)
     count = rows or min(phong_rows(fit.n, illumination_rows), _MOST_ROWS)
-    table = isotropic_map(parts["illumination"], lobes, count)
-    return IsotropicTable(**parts, table=PolarTable.of(table, lookup))
+    table = PolarTable.of(isotropic_map(light, lobes, count), lookup)
+    return Miller1984(inputs, IsotropicTable(matte, table), points, material, fit)

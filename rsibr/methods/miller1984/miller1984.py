@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr import backend
 from rsibr.errors import InputError
-from rsibr.geometry.projections.sphere_map import covered_middle, normal_from_disk, texel_centre, tiled_texels
 from rsibr.lobes.facet_moments import cosines
 from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.inputs import MethodInputs
-from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
 from rsibr.methods.miller1984.illumination import illumination_table
 from rsibr.methods.miller1984.material_fit import MaterialFit, PhongMaterial
 from rsibr.methods.miller1984.polar_table import LOOKUPS, Lookup, PolarTable
 from rsibr.methods.miller1984.reflectance import VARNISH, lambert, self_luminous
+from rsibr.methods.miller1984.table_method import MOST_POINTS, POINTS, Shading, TableMethod, TwoMaps
 from rsibr.methods.miller1984.tables import (
     DIFFUSE_ROWS,
     ILLUMINATION_ROWS,
@@ -32,9 +28,8 @@ from rsibr.methods.miller1984.tables import (
     specular_map,
     specular_reflectance,
 )
-from rsibr.methods.protocol import Needs, PointwiseMethod
+from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
-from rsibr.methods.rsibr.texel_mean import texel_mean
 
 Array = NDArray[np.float64]
 
@@ -44,102 +39,41 @@ Colour = float | Sequence[float]
 Weights = Sequence[float] | Sequence[Sequence[float]]
 """Weights by view angle, evenly spaced in √cos θ from grazing to head-on: numbers, or one a channel."""
 
-POINTS, MOST_POINTS = 2, 64
-"""Points along a side of a map's texel: by default, and at most."""
-
 Diffuse = Literal["lambert", "self-luminous"]
 """Diffuse convolution functions of section 6.1."""
 
 
-@dataclass(eq=False, repr=False)
-class Miller1984(PointwiseMethod):
-    """Shading W_d(E·N) D[N] + W_s(E·N) S[R] with R = 2(E·N)N − E; Miller & Hoffman (1984), section 3.
+class Miller1984(TableMethod):
+    """Shading by a diffuse map D and a specular map S; Miller & Hoffman (1984), section 3.
 
     Attributes
     ----------
-    inputs : MethodInputs
-        Light and lobes of a bake.
     material : PhongMaterial
         Constants and weights in use.
     fit : MaterialFit
         Their fit to the lobes of the bake; `fit.error` is the relative error of the angular shape.
-    illumination : ndarray, shape (H, 2H, 3)
-        Illumination table I.
-    diffuse, specular : PolarTable or None
-        Maps D and S on the device; None where their constant is zero.
-    w_d, w_s : CosineTable
-        Weights on the device.
-    points : int
-        Points along a side of a map's texel that are averaged: antialiasing by a box filter (section 8).
     """
 
-    inputs: MethodInputs
-    material: PhongMaterial
-    fit: MaterialFit
-    illumination: Array
-    diffuse: PolarTable | None
-    specular: PolarTable | None
-    w_d: CosineTable
-    w_s: CosineTable
-    points: int
+    def __init__(
+        self, inputs: MethodInputs, shading: Shading, points: int, material: PhongMaterial, fit: MaterialFit
+    ) -> None:
+        super().__init__(inputs, shading, points)
+        self.material, self.fit = material, fit
 
-    @classmethod
-    def parts(
-        cls,
-        inputs: MethodInputs,
-        material: PhongMaterial,
-        fit: MaterialFit,
-        sizes: Sizes,
-        lookup: Lookup = "bilinear",
-        diffuse: Diffuse = "lambert",
-        points: int = POINTS,
-    ) -> dict[str, Any]:
-        """Fields of the method: the tables of a material under the light of a bake; options as of `miller1984`."""
-        light = illumination_table(inputs.light, sizes.illumination)
-        f_d, f_s = lambert() if diffuse == "lambert" else self_luminous(), specular_reflectance(material)
-        tables: dict[str, PolarTable | None] = {"diffuse": None, "specular": None}
-        if material.k_d.any():
-            tables["diffuse"] = PolarTable.of(diffuse_map(light, material.k_d, f_d, sizes.diffuse), lookup)
-        if material.k_s.any() or material.mirror:
-            rows = sizes.of_specular(material.n, material.mirror)
-            glossy_rows = min(rows, phong_rows(material.n, sizes.illumination)) if material.mirror else rows
-            tables["specular"] = PolarTable.of(specular_map(light, material.k_s, f_s, rows, glossy_rows), lookup)
-        weights = {"w_d": CosineTable.of(material.w_d), "w_s": CosineTable.of(material.w_s)}
-        known = {"inputs": inputs, "material": material, "fit": fit, "illumination": light}
-        return {**known, **tables, **weights, "points": points}
 
-    @backend.in_session
-    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
-        """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
-        cosine = dr.dot(n, v)
-        radiance = mi.Color3f(0 * cosine)
-        if self.diffuse is not None:
-            radiance += self.w_d.colour(cosine) * self.diffuse.fetch(n)
-        if self.specular is not None:
-            radiance += self.w_s.colour(cosine) * self.specular.fetch(2 * cosine * n - v)
-        return radiance
-
-    @backend.in_session
-    def map(self, frame: NDArray[np.float64], resolution: int) -> mi.TensorXf:
-        """Radiance of a whole sphere map; see `Method.map`."""
-        if self.points == 1:
-            return super().map(frame, resolution)
-        columns = mi.Float(frame.T.ravel().tolist())
-        dr.make_opaque(columns)
-        to_world = frame_from(columns)
-        texel = tiled_texels(resolution)
-        p = texel_centre(texel, resolution)
-        n, v = normal_from_disk(covered_middle(p, resolution)), view_of(to_world)
-        side = dr.opaque(mi.UInt32, self.points)
-        seen = texel_mean(
-            n,
-            mi.Float(2 / resolution),
-            (side, side),
-            lambda local: self.eval(to_world @ local, v),
-            "miller1984",
-        )
-        radiance = dr.select(touches_disk(p, resolution), as_rgba(seen), 0)
-        return mi.TensorXf(laid_out(radiance, texel, resolution), (resolution, resolution, 4))
+def two_maps(
+    illumination: Array, material: PhongMaterial, sizes: Sizes, lookup: Lookup, diffuse: Diffuse = "lambert"
+) -> TwoMaps:
+    """Maps D and S of a material under an illumination table, and its weights; options as of `miller1984`."""
+    f_d, f_s = lambert() if diffuse == "lambert" else self_luminous(), specular_reflectance(material)
+    d = s = None
+    if material.k_d.any():
+        d = PolarTable.of(diffuse_map(illumination, material.k_d, f_d, sizes.diffuse), lookup)
+    if material.k_s.any() or material.mirror:
+        rows = sizes.of_specular(material.n, material.mirror)
+        glossy_rows = min(rows, phong_rows(material.n, sizes.illumination)) if material.mirror else rows
+        s = PolarTable.of(specular_map(illumination, material.k_s, f_s, rows, glossy_rows), lookup)
+    return TwoMaps(d, s, CosineTable.of(material.w_d), CosineTable.of(material.w_s))
 
 
 @register(
@@ -191,12 +125,18 @@ def miller1984(
         Points along a side of a map's texel, whose mean the texel shows: the box filter of section 8.1.
     """
     known_word("diffuse", diffuse, ("lambert", "self-luminous"))
+    sizes = checked_sizes(lookup, points, illumination_rows, diffuse_rows, specular_rows)
+    fit, material = fitted_material(inputs, sizes, k_d=k_d, k_s=k_s, n=n, varnish=varnish, w_d=w_d, w_s=w_s)
+    illumination = illumination_table(inputs.light, sizes.illumination)
+    return Miller1984(inputs, two_maps(illumination, material, sizes, lookup, diffuse), points, material, fit)
+
+
+def checked_sizes(lookup: str, points: int, *rows: int | None) -> Sizes:
+    """Sizes of the tables with so many `rows`; raises an InputError if an option makes no sense."""
     known_word("lookup", lookup, LOOKUPS)
     if not (isinstance(points, int) and 1 <= points <= MOST_POINTS):
         raise InputError(f"{points!r} is no number of points", where="points", fix=f"give one from 1 to {MOST_POINTS}")
-    sizes = Sizes(illumination_rows, diffuse_rows, specular_rows)
-    fit, material = fitted_material(inputs, sizes, k_d=k_d, k_s=k_s, n=n, varnish=varnish, w_d=w_d, w_s=w_s)
-    return Miller1984(**Miller1984.parts(inputs, material, fit, sizes, lookup, diffuse, points))
+    return Sizes(*rows)  # type: ignore[arg-type]  # checks them itself
 
 
 def fitted_material(inputs: MethodInputs, sizes: Sizes, **given: Any) -> tuple[MaterialFit, PhongMaterial]:
