@@ -46,3 +46,10 @@ def test_the_claim_holds_under_a_sky_with_lamps():
     illumination = sky(polar_directions(ROWS))
     assert lookup_error(illumination, 36).rel_rmse < 0.005
     assert 0.005 < lookup_error(illumination, 36, "nearest").rel_rmse < 0.05
+
+
+@pytest.mark.parametrize("lookup", ["bilinear", "nearest"])
+def test_at_its_texels_middles_a_table_is_exact(lookup):
+    found = lookup_error(sky(polar_directions(ROWS)), 18, lookup)
+    middles = slice(FINER // 2, None, FINER), slice(FINER // 2, None, FINER)
+    assert np.allclose(found.looked_up[middles], found.exact[middles], rtol=1e-5)

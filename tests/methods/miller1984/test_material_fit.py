@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from rsibr.lobes.facet_moments import cosines
+from rsibr.lobes.probe_directions import ProbeDirections
 from rsibr.lobes.shape_fit import shape_values
+from rsibr.methods.miller1984.convolution import texel_areas
 from rsibr.methods.miller1984.material_fit import MaterialFit, _mirrored, _probes, fitted_exponent, over_disk
 from rsibr.methods.miller1984.reflectance import VARNISH
-from tests.methods.miller1984.scene import glossy, matte, mirror
+from tests.methods.miller1984.scene import glossy, matte, mirror, polar_directions
 
 
 @pytest.mark.parametrize("n", [1.0, 12.5, 300.0, 20_000.0])
@@ -87,9 +89,19 @@ def test_lambert_has_no_error_and_a_wrong_exponent_has_one():
     assert len(fit.errors) == len(_probes().views)
 
 
-def test_the_error_counts_light_from_below_the_horizon():
-    """At the view nearest to grazing about half of a Phong lobe lies below."""
-    assert MaterialFit.of([glossy(0.2)]).errors[-1] > 0.3
+def test_errors_are_integrals_over_the_whole_sphere():
+    """Against a grid of directions: what a Phong lobe takes from below the horizon counts."""
+    fit = MaterialFit.of([glossy(0.2)])
+    wi = polar_directions(180).reshape(-1, 3)[:, [0, 2, 1]]  # the tables' +Y is the surface's normal +z
+    area = texel_areas(180, 360)[:, 0, 0].repeat(360)
+    above = wi[:, 2] > 0
+    for wo, error in ((np.array([np.sqrt(1 - c * c), 0, c]), fit.errors[k]) for k, c in ((0, 0.98), (-1, 0.12))):
+        probes = ProbeDirections(wi[above], np.tile(wo, (above.sum(), 1)), np.ones(above.sum()))
+        f = np.zeros(len(wi))
+        f[above] = shape_values(fit.lobes[0][0], probes)[:, 0]
+        f /= (f * area).sum()
+        phong = (fit.n + 1) / (2 * np.pi) * np.maximum(wi @ (wo * [-1, -1, 1]), 0) ** fit.n
+        assert error == pytest.approx((np.abs(phong - f) * area).sum(), rel=0.03)
 
 
 def test_the_probes_integrate_a_lobe():
