@@ -86,7 +86,14 @@ def test_the_density_is_that_of_the_directions(name, rng):
 _STEPS = [[-1, 0], [1, 0], [0, -1], [0, 1]]
 
 
-SEAMS = {"polar": 0.006, "dual-paraboloid": 0.015, "orthographic-pair": 0.07, "angular": 0.07, "mirror-ball": 0.3}
+SEAMS = {
+    "polar": 0.006,
+    **dict.fromkeys(("latlong-filament", "latlong-debevec", "latlong-three"), 0.01),
+    "dual-paraboloid": 0.015,
+    "orthographic-pair": 0.07,
+    "angular": 0.07,
+    "mirror-ball": 0.3,
+}
 """Jumps in a 16² image: at poles between texels, at rims on which two sheets interpolate each in its own plane, and at
 -Z, into which a ball shrinks its whole rim. Elsewhere there is none but the step itself."""
 
@@ -140,6 +147,13 @@ def test_the_nearest_texel_of_a_centre_is_its_own(name):
         ("latlong", [0, 0, -1], 0, [0, 0.5]),
         ("latlong", [1, 0, 0], 0, [0.25, 0.5]),
         ("latlong", [0, 0, 1], 0, [0.5, 0.5]),
+        ("latlong-openexr", [1, 0, 0], 0, [0.25, 0.5]),
+        ("latlong-filament", [-1, 0, 0], 0, [0.25, 0.5]),
+        ("latlong-filament", [0, 0, 1], 0, [0.5, 0.5]),
+        ("latlong-debevec", [0, 0, -1], 0, [0.5, 0.5]),
+        ("latlong-debevec", [1, 0, 0], 0, [0.75, 0.5]),
+        ("latlong-three", [1, 0, 0], 0, [0.5, 0.5]),
+        ("latlong-three", [0, 0, 1], 0, [0.75, 0.5]),
         ("polar", [0, 0, 1], 0, [0, 0.5]),
         ("polar", [1, 0, 0], 0, [0.25, 0.5]),
         ("polar", [0.6, 0.8, 0], 0, [0.25, np.arccos(0.8) / np.pi]),
@@ -166,5 +180,5 @@ def test_directions_lie_where_the_convention_says(name, d, sheet, p):
 
 
 def test_an_unknown_name_is_refused_with_the_nearest():
-    with pytest.raises(InputError, match="unknown projection 'latlon'. Did you mean 'latlong'"):
+    with pytest.raises(InputError, match=r"unknown projection 'latlon'\. Did you mean 'latlong'\?"):
         projection("latlon")
