@@ -120,7 +120,8 @@ def miller1984(
         How the maps are read.
     illumination_rows, diffuse_rows, specular_rows : int
         Rows of the tables I, D and S; each has twice as many columns. S has by default those of I if it has a mirror
-        part, otherwise as many as its exponent asks for.
+        part, otherwise as many as its exponent asks for. Sums are quickest where those of I are a multiple of the
+        others'.
     points : int
         Points along a side of a map's texel, whose mean the texel shows: the box filter of section 8.1.
     """

@@ -71,7 +71,7 @@ def test_hc19_phong_multiplies_each_band_by_its_factor(n):
         bands.append(bands[band - 2] * (n + 2 - band) / (n + 1 + band))
     for band, expected in enumerate(bands):
         found, off = band_factor(phong(n), band, min(band, 1))
-        assert found * 2 * (n + 1) == pytest.approx(expected, abs=6e-5 * n + 3e-4)
+        assert found * 2 * (n + 1) == pytest.approx(expected, abs=2e-6 * n + 1e-4)
         assert off * 2 * (n + 1) < 5e-3
 
 
