@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.lobes.albedo import over_disk
 from rsibr.lobes.facet_moments import cosines
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.lobes.microfacet import schlick
 from rsibr.methods.kautz2003.band_factors import bias_for, exponent_for, gaussian, phong
-from rsibr.methods.rsibr.lobe_terms import LobeTerms, albedo_at_nodes
+from rsibr.methods.lobe_terms import LobeTerms, albedo_at_nodes
 
 Array = NDArray[np.float64]
 
@@ -53,12 +54,12 @@ class Lobes:
         terms = LobeTerms.of(list(shapes.values()))
         nothing = np.zeros((len(cosines()), 3))
         mirrors = sum((albedo_at_nodes(albedo) for shape, albedo in shapes.values() if shape.is_mirror), start=nothing)
-        weighted, total = disk_mean(mirrors).mean() * np.ones(len(phong(1.0))), mirrors
+        weighted, total = _disk_mean(mirrors).mean() * np.ones(len(phong(1.0))), mirrors
         for term in terms.gaussians:
             factors = gaussian(2 * term.moments.width * np.sqrt(cosines()))
-            weighted = weighted + disk_mean(term.share.mean(axis=1, keepdims=True) * factors)
+            weighted = weighted + _disk_mean(term.share.mean(axis=1, keepdims=True) * factors)
             total = total + term.share
-        energy = float(disk_mean(total).mean())
+        energy = float(_disk_mean(total).mean())
         matte = sum((term.share for term in terms.matte), start=nothing)
         return cls(matte, total, weighted / energy if energy > 0 else phong(_MATTE_EXPONENT))
 
@@ -127,14 +128,12 @@ def schlick_mix(f_lambda: Array) -> Array:
     return np.asarray(f_lambda + (1 - f_lambda) * graze)
 
 
-def disk_mean(table: Array) -> Array:
-    """Mean over the disk of a map, ∫ 2 cos θ (…) d cos θ, of a table by view angle, shape (NODES, …)."""
-    squares = cosines() ** 2
-    return np.asarray(np.trapezoid(table, squares, axis=0) / (squares[-1] - squares[0]))
+def _disk_mean(table: Array) -> Array:
+    return over_disk(table, cosines())
 
 
 def _rms(table: Array) -> float:
-    return float(np.sqrt(disk_mean(table**2).mean()))
+    return float(np.sqrt(_disk_mean(table**2).mean()))
 
 
 def _reflectances(matte: Array, glossy: Array) -> tuple[Array, Array, Array]:
@@ -151,14 +150,14 @@ def _best(f: Array, through: Array, back: Array, matte: Array, glossy: Array) ->
     """f_λ, k_d and k_s of one channel; `through` and `back` are 1 − F and F, shape (NODES, steps)."""
     both, apart = matte + glossy, float(glossy.any())  # the two parts count for themselves, or only their sum
     # Normal equations of apart·(|k_d(1−F) − M|² + |k_s F − G|²) + |k_d(1−F) + k_s F − (M+G)|²
-    a, b, c = (1 + apart) * disk_mean(through**2), disk_mean(through * back), (1 + apart) * disk_mean(back**2)
-    p, q = disk_mean(through * (apart * matte + both)), disk_mean(back * (apart * glossy + both))
+    a, b, c = (1 + apart) * _disk_mean(through**2), _disk_mean(through * back), (1 + apart) * _disk_mean(back**2)
+    p, q = _disk_mean(through * (apart * matte + both)), _disk_mean(back * (apart * glossy + both))
     det = np.maximum(a * c - b * b, 1e-12)
     k_d, k_s = (p * c - q * b) / det, (q * a - p * b) / det
     no_k_s, no_k_d = k_s < 0, (k_d < 0) | (not matte.any())
     k_d, k_s = np.where(no_k_s, p / np.maximum(a, 1e-12), k_d), np.where(no_k_d, q / np.maximum(c, 1e-12), k_s)
     k_d, k_s = np.where(no_k_d, 0, k_d), np.where(no_k_s, 0, k_s)
-    error = disk_mean((k_d * through + k_s * back - both) ** 2) + _TIE * f
-    error += apart * disk_mean((k_d * through - matte) ** 2 + (k_s * back - glossy) ** 2)
+    error = _disk_mean((k_d * through + k_s * back - both) ** 2) + _TIE * f
+    error += apart * _disk_mean((k_d * through - matte) ** 2 + (k_s * back - glossy) ** 2)
     best = int(np.argmin(error))
     return float(f[best]), float(k_d[best]), float(k_s[best])

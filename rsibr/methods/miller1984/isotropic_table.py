@@ -20,6 +20,7 @@ from rsibr.lobes.facet_moments import cosines
 from rsibr.lobes.probe_directions import ProbeDirections
 from rsibr.lobes.shape_fit import shape_values
 from rsibr.methods.inputs import MethodInputs
+from rsibr.methods.lobe_terms import Lobe, resampled
 from rsibr.methods.miller1984.convolution import convolved, latitudes, texel_areas
 from rsibr.methods.miller1984.illumination import illumination_table
 from rsibr.methods.miller1984.material_fit import MaterialFit
@@ -30,7 +31,6 @@ from rsibr.methods.miller1984.table_method import POINTS, TwoMaps
 from rsibr.methods.miller1984.tables import DIFFUSE_ROWS, phong_rows
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
-from rsibr.methods.rsibr.lobe_terms import Lobe, resampled
 
 Array = NDArray[np.float64]
 

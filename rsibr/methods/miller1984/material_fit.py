@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from rsibr.lobes.albedo import over_disk
 from rsibr.lobes.facet_moments import cosines
 from rsibr.lobes.probe_directions import ProbeDirections, probe_directions
 from rsibr.lobes.shape_fit import shape_values
+from rsibr.methods.lobe_terms import Lobe, LobeTerms, albedo_at_nodes, resampled
 from rsibr.methods.miller1984.reflectance import VARNISH
-from rsibr.methods.rsibr.lobe_terms import Lobe, LobeTerms, albedo_at_nodes, resampled
 
 Array = NDArray[np.float64]
 
@@ -93,14 +94,18 @@ class MaterialFit:
         the mirror part is given as ½, and k_s is set in proportion to it, k_s = (n + 1) Ē_glossy/Ē_mirror; the weight
         then holds the colour.
         """
-        k_d = 4 * over_disk(self.diffuse)
+        k_d = 4 * over_disk(self.diffuse, cosines())
         w_d = _over(self.diffuse, k_d / 4)
         if not self.mirror.any():
-            k_s = 2 * (self.n + 1) * over_disk(self.glossy)
+            k_s = 2 * (self.n + 1) * over_disk(self.glossy, cosines())
             return PhongMaterial(k_d, k_s, self.n, 0.0, w_d, _over(self.glossy, k_s / (2 * (self.n + 1))))
         if not self.glossy.any():
             return PhongMaterial(k_d, np.ones(3), np.inf, 1.0, w_d, self.mirror)
-        k_s = (self.n + 1) * over_disk(self.glossy) / np.maximum(over_disk(self.mirror), _LEAST_MIRROR)
+        k_s = (
+            (self.n + 1)
+            * over_disk(self.glossy, cosines())
+            / np.maximum(over_disk(self.mirror, cosines()), _LEAST_MIRROR)
+        )
         both = self.glossy + self.mirror
         return PhongMaterial(k_d, k_s, self.n, VARNISH, w_d, _over(both, k_s / (2 * (self.n + 1)) + VARNISH))
 
@@ -157,12 +162,6 @@ def fitted_exponent(values: Array) -> float:
     best = int(np.argmin([error(one) for one in tried]))
     bounds = tried[max(best - 1, 0)], tried[min(best + 1, _STEPS - 1)]
     return float(np.exp(minimize_scalar(error, bounds=bounds, method="bounded").x))
-
-
-def over_disk(table: Array) -> Array:
-    """Mean over the disk of a sphere map of values at `cosines`, shape (3,)."""
-    squares = cosines() ** 2
-    return np.asarray(np.trapezoid(table, squares, axis=0) / (squares[-1] - squares[0]))
 
 
 def _probes() -> ProbeDirections:

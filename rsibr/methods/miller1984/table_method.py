@@ -18,7 +18,7 @@ from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
 from rsibr.methods.miller1984.polar_table import PolarTable
 from rsibr.methods.protocol import PointwiseMethod
-from rsibr.methods.rsibr.texel_mean import texel_mean
+from rsibr.methods.texel_mean import texel_mean
 
 POINTS, MOST_POINTS = 2, 64
 """Points along a side of a map's texel: by default, and at most."""

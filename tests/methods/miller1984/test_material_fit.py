@@ -62,8 +62,8 @@ def test_a_constant_sky_gives_the_albedo(lobes):
 
 def test_weights_have_the_mean_one_over_the_disk():
     material = MaterialFit.of([matte(0.5, 0.4, 0.3), glossy(0.05)]).material()
-    assert np.allclose(over_disk(material.w_d), 1)
-    assert np.allclose(over_disk(material.w_s), 1)
+    assert np.allclose(over_disk(material.w_d, cosines()), 1)
+    assert np.allclose(over_disk(material.w_s, cosines()), 1)
 
 
 def test_a_delta_lobe_is_the_mirror_or_the_varnish():
