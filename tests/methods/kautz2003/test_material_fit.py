@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rsibr.lobes.albedo import node_cosines
+from rsibr.lobes.albedo import node_cosines, over_disk
 from rsibr.lobes.facet_moments import cosines
 from rsibr.lobes.gaussians import Gaussians, LobeShape
 from rsibr.methods.kautz2003.band_factors import bias_for, gaussian, phong
-from rsibr.methods.kautz2003.material_fit import KautzMaterial, Lobes, disk_mean, schlick_mix
+from rsibr.methods.kautz2003.material_fit import KautzMaterial, Lobes, schlick_mix
 from tests.lobe_shapes import one_gaussian as gaussian_shape
 
 SIZE = 64
@@ -59,7 +59,7 @@ def test_the_width_is_twice_that_of_the_microfacets():
     """At normal incidence a half vector that turns by s turns the mirrored direction by 2s; less across the plane."""
     sigma = 0.05
     lobes = Lobes.of({"coat": (gaussian_shape(sigma), albedo(1.0))})
-    weights = disk_mean(FLAT[:, :1] * gaussian(2 * sigma * np.sqrt(cosines())))
+    weights = over_disk(FLAT[:, :1] * gaussian(2 * sigma * np.sqrt(cosines())), cosines())
     assert lobes.factors == pytest.approx(weights, abs=0.03)
 
 

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rsibr.lobes.albedo import over_disk
 from rsibr.lobes.facet_moments import cosines
 from rsibr.lobes.probe_directions import ProbeDirections
 from rsibr.lobes.shape_fit import shape_values
 from rsibr.methods.miller1984.convolution import texel_areas
-from rsibr.methods.miller1984.material_fit import MaterialFit, _mirrored, _probes, fitted_exponent, over_disk
+from rsibr.methods.miller1984.material_fit import MaterialFit, _mirrored, _probes, fitted_exponent
 from rsibr.methods.miller1984.reflectance import VARNISH
 from tests.methods.miller1984.scene import glossy, matte, mirror, polar_directions
 
