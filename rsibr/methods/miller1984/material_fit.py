@@ -101,11 +101,8 @@ class MaterialFit:
             return PhongMaterial(k_d, k_s, self.n, 0.0, w_d, _over(self.glossy, k_s / (2 * (self.n + 1))))
         if not self.glossy.any():
             return PhongMaterial(k_d, np.ones(3), np.inf, 1.0, w_d, self.mirror)
-        k_s = (
-            (self.n + 1)
-            * over_disk(self.glossy, cosines())
-            / np.maximum(over_disk(self.mirror, cosines()), _LEAST_MIRROR)
-        )
+        mirrored = np.maximum(over_disk(self.mirror, cosines()), _LEAST_MIRROR)
+        k_s = (self.n + 1) * over_disk(self.glossy, cosines()) / mirrored
         both = self.glossy + self.mirror
         return PhongMaterial(k_d, k_s, self.n, VARNISH, w_d, _over(both, k_s / (2 * (self.n + 1)) + VARNISH))
 
