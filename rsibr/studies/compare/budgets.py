@@ -82,9 +82,7 @@ class WinnerRecord(Record):
     label: str
     system: str
     rel_mse: Positive
-    level_with: list[str] = Field(
-        description="other systems below the next budget whose error intervals overlap with it"
-    )
+    level_with: list[str] = Field(description="other systems below the next budget whose error intervals overlap")
 
 
 class BestRecord(Record):
@@ -139,8 +137,8 @@ def classes_of(scenes: Sequence[ComparedScene]) -> list[ClassRecord]:
 def winners(candidates: Sequence[Candidate], cost: str) -> list[WinnerRecord]:
     """Settings with the least error, each from its own cost on: the Pareto front over all systems, where it is known.
 
-    A dearer setting takes over only where its error is known to be less, i.e. the intervals do not overlap; and one
-    that is exceeded at a cost that is hardly more is left out, because times are not known better.
+    A dearer setting takes over only where its error is known to be less, i.e. the intervals do not overlap. One that
+    costs hardly more takes over in any case, because times are not known better.
 
     Parameters
     ----------
@@ -151,11 +149,10 @@ def winners(candidates: Sequence[Candidate], cost: str) -> list[WinnerRecord]:
     """
     front = front_of([one.costs[cost] for one in candidates], [one.rel_mse for one in candidates])
     taken: list[Candidate] = []
-    for one in (candidates[index] for index in front.on):
-        while taken and one.costs[cost] <= _EQUAL_COST * taken[-1].costs[cost] and not one.is_level_with(taken[-1]):
-            taken.pop()
-        if not taken or not one.is_level_with(taken[-1]):
-            taken.append(one)
+    for group in _of_equal_cost([candidates[index] for index in front.on], cost):
+        best = group[-1]  # on a front the dearest errs least
+        if not taken or not best.is_level_with(taken[-1]):
+            taken.append(best)
     ends = [one.costs[cost] for one in taken[1:]] + [math.inf]
     return [_winner(one, candidates, cost, end) for one, end in zip(taken, ends, strict=True)]
 
@@ -243,6 +240,17 @@ def _mean(found: Sequence[Candidate]) -> Candidate:
 
 def _geometric(values: Sequence[float]) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(values, _LEAST)))))
+
+
+def _of_equal_cost(front: Sequence[Candidate], cost: str) -> list[list[Candidate]]:
+    """Group the settings of a front, in ascending order of cost, whose costs exceed that of the first hardly."""
+    groups: list[list[Candidate]] = []
+    for one in front:
+        if groups and one.costs[cost] <= _EQUAL_COST * groups[-1][0].costs[cost]:
+            groups[-1].append(one)
+        else:
+            groups.append([one])
+    return groups
 
 
 def _winner(best: Candidate, candidates: Sequence[Candidate], cost: str, end: float) -> WinnerRecord:

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import NullFormatter
 
 from rsibr.methods.registry import baseline_method, default_method, method_names
 from rsibr.studies.compare.budgets import COSTS, ClassRecord, MeanRecord, WinnerRecord, unit_of
@@ -31,13 +32,16 @@ _COLOURS = (
 """Beside those of the default and the baseline; the first ones by Okabe & Ito (2008)."""
 
 _COST_LABELS = {
-    "once_seconds": "time before the first map: bake, preparation, compilation",
+    "once_seconds": "time before the first map",
     "bytes": "memory on the device",
     "frame_seconds": "time of a map",
 }
 
-_WIDE = 0.075
-"""Share of the axis from which a segment is wide enough for a number."""
+_LETTER = 0.022
+"""Width of a letter in a band, as a share of the axis."""
+
+_DECADES = 1.3
+"""Length of an axis in decades up to which ticks between powers of ten are labelled."""
 
 
 def colours_of(systems: Sequence[str]) -> dict[str, str]:
@@ -59,8 +63,7 @@ def headline(classes: Sequence[ClassRecord], colours: Mapping[str, str]) -> Figu
         axes.set(xscale="log", xlim=(low, high))
         for row, record in enumerate(reversed(classes)):
             _band(axes, row, record.winners[cost], colours)
-        axes.set_xlabel(_COST_LABELS[cost], fontsize=9)
-        count_in(axes, unit_of(cost))
+        _label(axes, cost)
         axes.grid(visible=False)
     names = [f"{record.name} ({record.scenes})" for record in reversed(classes)]
     panels[0].set(yticks=np.arange(len(classes)), yticklabels=names, ylim=(-0.6, len(classes) - 0.4))
@@ -86,13 +89,21 @@ def fronts(record: ClassRecord, colours: Mapping[str, str]) -> Figure:
             if not one.costs:
                 axes.axhline(one.rel_mse, color=colours[one.system], linewidth=1, linestyle=":")
         logarithmic(axes)
-        axes.set_xlabel(_COST_LABELS[cost], fontsize=9)
-        count_in(axes, unit_of(cost))
+        _label(axes, cost)
     panels[0].set_ylabel("relMSE")
     systems = list(dict.fromkeys(one.system for one in record.means))
     handles = [Patch(color=colours[name], label=name) for name in systems]
     figure.legend(handles=handles, loc="outside lower center", ncols=max(1, min(len(handles), 8)), fontsize=8.5)
     return figure
+
+
+def _label(axes: Axes, cost: str) -> None:
+    """Name the cost, and label its ticks with units, as many as there is room for."""
+    axes.set_xlabel(_COST_LABELS[cost], fontsize=9)
+    count_in(axes, unit_of(cost))
+    low, high = axes.get_xlim()
+    if np.log10(high / low) > _DECADES:
+        axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _point(axes: Axes, one: MeanRecord, cost: str, colour: str, *, is_on: bool) -> None:
@@ -119,7 +130,7 @@ def _band(axes: Axes, row: int, winners: Sequence[WinnerRecord], colours: Mappin
         start = max(one.budget, low)
         colour = colours[one.system]
         axes.barh(row, end - start, left=start, height=0.74, color=colour, edgecolor="white", linewidth=1)
-        if np.log(end / start) / np.log(high / low) > _WIDE:
+        text = readable(one.rel_mse, 2) + (" ≈" if one.level_with else "")
+        if np.log(end / start) / np.log(high / low) > _LETTER * len(text):
             ink = "white" if np.dot(to_rgb(colour), (0.299, 0.587, 0.114)) < 0.55 else "black"
-            text = readable(one.rel_mse, 2) + (" ≈" if one.level_with else "")
             axes.text(np.sqrt(start * end), row, text, ha="center", va="center", fontsize=7, color=ink)
