@@ -17,6 +17,7 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    JsonValue,
     ValidationError,
     ValidationInfo,
     model_validator,
@@ -345,7 +346,10 @@ class EffectsConfig(_Section):
 
 
 class Config(_Section):
-    """All settings of a bake. Made by `load_config` or `parse_config`."""
+    """All settings of a bake. Made by `load_config` or `parse_config`.
+
+    `methods` holds options of reconstruction methods, in a table for each method. They do not change what is baked.
+    """
 
     environment: EnvironmentConfig
     material: MaterialConfig
@@ -355,6 +359,7 @@ class Config(_Section):
     effects: EffectsConfig = EffectsConfig()
     budget: BudgetConfig | None = None
     plugins: PluginsConfig | None = None
+    methods: dict[str, dict[str, JsonValue]] | None = None
 
     @property
     def plugin_modules(self) -> tuple[str, ...]:
