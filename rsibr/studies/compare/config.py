@@ -53,7 +53,7 @@ class _File(_Section):
     scenes: ScenesConfig = ScenesConfig()
     method: Axis[MethodName] | None = None
     subdivision: Axis[Subdivision] | None = None
-    options: dict[MethodName, list[dict[str, Any]]] = Field(default_factory=dict)
+    settings: Axis[MethodName] | None = None
     judge: CompareJudgeConfig = CompareJudgeConfig()
 
 
@@ -65,17 +65,14 @@ class CompareConfig(_Section):
     study : StudyConfig
         Scenes, sizes of bakes and judging: a study whose sweep is that of the stored views.
     method : tuple of str, optional
-        Methods to compare; by default all.
-    options : dict of str to list of dict
-        Settings of a method: values of its keyword options, each of which is measured; `{}` is the default.
-    where : str
-        Name of the file in errors.
+        Methods to compare, `NAME` or `NAME,OPTION=VALUE`; by default all.
+    settings : tuple of str
+        Further settings of these methods, `NAME,OPTION=VALUE`.
     """
 
     study: StudyConfig
     method: tuple[str, ...] | None = None
-    options: dict[str, list[dict[str, Any]]] = Field(default_factory=dict)
-    where: str = "comparison"
+    settings: tuple[str, ...] = ()
 
     def with_plugins(self, modules: Sequence[str]) -> CompareConfig:
         """Return the config with these modules in every scene; see `rsibr.scene.plugins_config`."""
@@ -126,7 +123,7 @@ def parse_compare(
     study = parse_study(
         {"base": file.base, "scenes": scenes, "sweep": [sweep], "judge": judge}, base, name=name, where=where
     )
-    return CompareConfig(study=study, method=file.method, options=file.options, where=where)
+    return CompareConfig(study=study, method=file.method, settings=file.settings or ())
 
 
 def _checked(data: Mapping[str, Any], where: str) -> _File:

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from rsibr.errors import BakeError
 from rsibr.methods.device_size import device_bytes
+from rsibr.methods.method_name import parse_name
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.registry import method_digest
 from rsibr.source_code import source_digest
-from rsibr.store.bake import Bake
 from rsibr.store.manifest import canonical
 from rsibr.studies.agenda import BakeSize
 from rsibr.studies.bench import Bench
 from rsibr.studies.compare.external import ExternalMap, image_at
 from rsibr.studies.compare.records import CostRecord, SystemRecord
-from rsibr.studies.compare.systems import System, reads_maps
+from rsibr.studies.compare.systems import label_of, system_of
 from rsibr.studies.results import BakeRecord, ErrorRecord, Timing, mean_model
 from rsibr.studies.truth import Arrays
 from rsibr.validation.eval_error import judge_eval
@@ -63,29 +63,37 @@ class SceneBench:
     ----------
     bench : Bench
         Scene, references, bakes and their journal.
-    systems : dict of BakeSize to list of System
-        Settings to measure on each bake.
+    sizes : sequence of BakeSize
+        Bakes. A method that reads no stored maps is measured on the first.
+    settings : sequence of str
+        Names of methods, with options.
     external : dict of str to list of ExternalMap
         Maps of each external system.
     """
 
     bench: Bench
-    systems: Mapping[BakeSize, Sequence[System]]
+    sizes: Sequence[BakeSize]
+    settings: Sequence[str]
     external: Mapping[str, Sequence[ExternalMap]] = field(default_factory=dict)
     _methods: MethodSet | None = None
 
     @property
     def steps(self) -> int:
-        """Number of measurements."""
-        return len(self.external) + sum(len(found) for found in self.systems.values())
+        """Largest number of measurements."""
+        return len(self.external) + len(self.sizes) * len(self.settings)
 
-    def is_known(self, size: BakeSize, system: System) -> bool:
-        """Whether the measurement is stored already."""
-        return self.bench.judged.store.has(self._key(size, system))
+    def is_missing(self, size: BakeSize) -> bool:
+        """Whether anything is left to measure on a bake."""
+        return any(self._facts(size, name) is None and self.is_asked(size, name) for name in self.settings)
 
-    def measure(self, size: BakeSize, system: System) -> Measured:
-        """Error and cost of a setting, from the disk if it was measured before."""
-        return _measured(*self.bench.judged.store.get(self._key(size, system), lambda: self._made(size, system)))
+    def is_asked(self, size: BakeSize, name: str) -> bool:
+        """Whether a method is measured on a bake: on the first, and on others unless it is known to read no maps."""
+        first = None if size == self.sizes[0] else self._facts(self.sizes[0], name)
+        return first is None or first.get("record", {}).get("views") is not None
+
+    def measure(self, size: BakeSize, name: str) -> Measured:
+        """Error and cost of a method, from the disk if it was measured before."""
+        return _measured(*self.bench.judged.store.get(self._key(size, name), lambda: self._made(size, name)))
 
     def judge(self, name: str) -> Measured:
         """Error of external maps."""
@@ -98,41 +106,48 @@ class SceneBench:
         self._methods = None
         self.bench.close()
 
-    def _key(self, size: BakeSize, system: System) -> dict[str, Any]:
-        code = {"code": source_digest(*_CODE), "method_code": method_digest(system.method)}
-        return self.bench.key("system", size=vars(size), system=system.key, **code)
+    def _key(self, size: BakeSize, name: str) -> dict[str, Any]:
+        code = {"code": source_digest(*_CODE), "method_code": method_digest(name)}
+        return self.bench.key("system", size=vars(size), method=name, **code)
 
-    def _made(self, size: BakeSize, system: System) -> tuple[Arrays, dict[str, Any]]:
+    def _facts(self, size: BakeSize, name: str) -> dict[str, Any] | None:
+        """Stored facts of a measurement, None without one."""
+        key = self._key(size, name)
+        return self.bench.journal.find(key)["facts"] if self.bench.judged.store.has(key) else None
+
+    def _made(self, size: BakeSize, name: str) -> tuple[Arrays, dict[str, Any]]:
         methods = self._opened(size)
         judged, opened = self.bench.judged, self.bench.opened
         if opened is None:
             raise ValueError("no bake is open")
         try:
-            method = methods.variant(system.method, **dict(system.options))
+            method = methods[name]
         except BakeError as error:
-            return {}, {"refusal": f"{error.what}"}
+            return {}, {"refusal": error.what}
         errors, points, seconds, first, shown = [], [], [], [], None
         for number, (frame, truth) in enumerate(zip(judged.frames, judged.references, strict=True)):
             made, before = timed(method, frame, judged.scene.resolution)
-            errors.append(compare(made.image, truth, judged.exposures, name=f"{system.label} at view {number}"))
+            errors.append(compare(made.image, truth, judged.exposures, name=f"{name} at view {number}"))
             points.append(judge_eval(method, frame, truth, judged.scene.seed))
             seconds.append(made.seconds)
             first.append(before - made.seconds)
             shown = made.image if number == SHOWN else shown
+        reads_maps = method.cost.bake_seconds > 0
         cost = CostRecord(
-            bake_seconds=_bake_seconds(opened.record, system.method),
+            bake_seconds=opened.record.seconds.median if reads_maps else _set_up_seconds(opened.record),
             prepare_seconds=method.cost.prepare_seconds,
             compile_seconds=max(0.0, first[0]),
             frame_seconds=Timing.of(seconds),
             eval_seconds=Timing.of([point.seconds for point in points]),
-            disk_bytes=_disk_bytes(opened.bake, system.method),
+            disk_bytes=method.cost.bytes,
             bytes=max(method.cost.device_bytes, device_bytes(method)),
         )
+        views = opened.record.views if reads_maps else None
         record = SystemRecord(
-            label=system.label,
-            system=system.method,
-            options=dict(system.options),
-            views=system.views,
+            label=label_of(name, views),
+            system=system_of(name),
+            options=parse_name(name)[1],
+            views=views,
             error=ErrorRecord.of(errors),
             eval_rel_mse=mean_model([point.rel_mse for point in points]),
             cost=cost,
@@ -162,17 +177,9 @@ class SceneBench:
         return self._methods
 
 
-def _bake_seconds(bake: BakeRecord, method: str) -> float:
-    """Time of the bake, or of its set-up without compilation of the renderer for a method without stored maps."""
-    if reads_maps(method):
-        return bake.seconds.median
+def _set_up_seconds(bake: BakeRecord) -> float:
+    """Time of a bake without the rendering of its maps, for a method that reads none."""
     return max(0.0, bake.setup_seconds - bake.compile_seconds)
-
-
-def _disk_bytes(bake: Bake, method: str) -> int:
-    if reads_maps(method):
-        return bake.bytes
-    return 0 if bake.manifest.light is None else bake.manifest.light.bytes
 
 
 def _stored(

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-from rsibr.methods.registry import registrations
+from rsibr.methods.address import is_address
+from rsibr.methods.registry import registration, registrations
 from rsibr.studies.compare import figures
 from rsibr.studies.compare.budgets import COSTS, ClassRecord, WinnerRecord, unit_of
 from rsibr.studies.compare.document import CompareDocument
@@ -48,7 +49,6 @@ def compare_page(document: CompareDocument, pictures: Sequence[ScenePictures]) -
         HTML that refers to nothing outside itself.
     """
     colours = figures.colours_of(document.systems)
-    known = registrations()
     return render(
         "compare.html.j2",
         package="rsibr.studies.compare",
@@ -57,7 +57,7 @@ def compare_page(document: CompareDocument, pictures: Sequence[ScenePictures]) -
         answers=[(record, answers(record)) for record in document.classes],
         classes=[_shown(record, document, colours) for record in document.classes],
         scenes=list(zip(document.scenes, pictures, strict=True)),
-        summaries={name: known[name].summary if name in known else "external maps" for name in document.systems},
+        summaries={name: _summary(name) for name in document.systems},
         costs=COST_NAMES,
         amount=amount,
         told=estimate,
@@ -78,6 +78,12 @@ def amount(value: float, cost: str) -> str:
 def on_front(scene: ComparedScene, label: str) -> bool:
     """Whether a setting has the least error of its system on a scene."""
     return any(one.label == label for one in scene.best().values())
+
+
+def _summary(system: str) -> str:
+    if system in registrations() or is_address(system):
+        return registration(system).summary
+    return "external maps"
 
 
 def _sequence(winners: Sequence[WinnerRecord], cost: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from rsibr.methods.method_name import file_stem
 from rsibr.studies.compare.measure import SHOWN, Measured
 from rsibr.studies.compare.records import ComparedScene
 from rsibr.validation.metrics import relative_noise_map
@@ -52,8 +53,8 @@ class ScenePictures:
         yield f"{self.folder}_reference.png", self.reference
         yield f"{self.folder}_reference_noise.png", self.noise
         for name, drawn in self.systems.items():
-            yield f"{self.folder}_{name}.png", drawn.image
-            yield f"{self.folder}_{name}_error.png", drawn.error
+            yield f"{self.folder}_{file_stem(name)}.png", drawn.image
+            yield f"{self.folder}_{file_stem(name)}_error.png", drawn.error
 
 
 def draw_scene(

@@ -37,7 +37,7 @@ class SystemRecord(Record):
 
     label: str = Field(description="unique within the scene")
     system: str = Field(description="name of the method, or of the external maps")
-    options: dict[str, Any] = Field(description="options of the method that are not its defaults")
+    options: dict[str, Any] = Field(description="options in the method's name")
     views: int | None = Field(description="stored views that it reads; null without stored maps")
     error: ErrorRecord
     eval_rel_mse: EstimateModel | None = Field(

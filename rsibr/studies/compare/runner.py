@@ -6,6 +6,7 @@ import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,8 @@ from rsibr import backend, clock
 from rsibr.baking.job import LIGHT_BYTES, NOISY_SHARE
 from rsibr.errors import InputError
 from rsibr.job_size import JobSize
-from rsibr.methods.registry import method_names, registration
 from rsibr.progress import Progress
-from rsibr.studies.agenda import BakeSize, agenda_of
+from rsibr.studies.agenda import agenda_of
 from rsibr.studies.bench import Bench
 from rsibr.studies.compare.budgets import classes_of
 from rsibr.studies.compare.config import CompareConfig, load_compare, parse_compare
@@ -25,7 +25,7 @@ from rsibr.studies.compare.measure import SHOWN, Measured, SceneBench
 from rsibr.studies.compare.pictures import ScenePictures, draw_scene
 from rsibr.studies.compare.records import ComparedScene, SystemRecord
 from rsibr.studies.compare.report import FILES, write_comparison
-from rsibr.studies.compare.systems import check_options, systems_of
+from rsibr.studies.compare.systems import settings_of, systems_of
 from rsibr.studies.feasible import check_folders, check_sizes
 from rsibr.studies.job import MOST_LOBES, PREPARED_BYTES
 from rsibr.studies.journal import Journal, lock_study
@@ -116,9 +116,7 @@ def compare(
         settings = [_settings(config).judged_with(views=views, samples=samples) for config in configs]
         if not settings:
             raise InputError("no config given", where="configs", fix="name at least one")
-        chosen = None if methods is None else [registration(name).name for name in dict.fromkeys(methods)]
-        for one in settings:
-            check_options(one)
+        names = [settings_of(config, methods) for config in settings]
         others = parse_externals(external)
         if views is not None and others:
             what = "the views are those of the external maps"
@@ -127,11 +125,12 @@ def compare(
         folder = Path(out)
         with lock_study(folder):
             check_folders(folder, (BAKES_NAME, REFERENCES_NAME, JOURNAL_NAME), FILES)
-            benches = _benches(settings, chosen, others, folder)
+            benches = _benches(settings, names, others, folder)
             job = _job(benches)
             job.admit(folder, allow_large)
             on_forecast(job)
-            return _Run(benches, _names(benches, others), folder, begun, settings).done(on_progress)
+            systems = [*systems_of([name for group in names for name in group]), *(one.name for one in others)]
+            return _Run(benches, systems, folder, begun, settings).done(on_progress)
 
 
 @dataclass(eq=False)
@@ -151,8 +150,9 @@ class _Run:
             found: list[tuple[str, Measured]] = []
             for name, measure in _measurements(bench):
                 on_progress(Progress(done, total, f"{bench.bench.scene.name}: {name}"))
-                found.append((name, measure()))
                 done += 1
+                if measure is not None:
+                    found.append((name, measure()))
             scenes.append(_scene(bench, found))
             bench.close()
         on_progress(Progress(total, total, "page"))
@@ -182,23 +182,25 @@ def _settings(config: Source) -> CompareConfig:
 
 
 def _benches(
-    settings: Sequence[CompareConfig], methods: Sequence[str] | None, others: Sequence[External], folder: Path
+    settings: Sequence[CompareConfig], names: Sequence[list[str]], others: Sequence[External], folder: Path
 ) -> list[SceneBench]:
     """Measurements of every scene of every config, with unique names of scenes."""
     journal, compiled = Journal(folder / JOURNAL_NAME), dict[str, float]()
     store = TruthStore(folder / REFERENCES_NAME, journal)
-    loaded = [(config, scene) for config in settings for scene in _loaded(config, folder)]
-    scenes = _with_unique_names([scene for _, scene in loaded])
+    loaded = [
+        (config, methods, scene)
+        for config, methods in zip(settings, names, strict=True)
+        for scene in _loaded(config, folder)
+    ]
+    scenes = _with_unique_names([scene for _, _, scene in loaded])
     maps = _external_maps(others, scenes)
     found = []
-    for (config, _), scene in zip(loaded, scenes, strict=True):
+    for (config, methods, _), scene in zip(loaded, scenes, strict=True):
         theirs = {name: by_scene[scene_folder(scene)] for name, by_scene in maps.items()}
         frames = common_frames(theirs) if theirs else judged_views(config.study)
         judged = JudgedScene(scene, frames, config.study.judge, store)
         bench = Bench(judged, journal, folder / BAKES_NAME, compiled)
-        sizes = {size: view_count(scene, size) for size in agenda_of(config.study)}
-        systems = systems_of(config, sizes, methods or config.method or method_names())
-        found.append(SceneBench(bench, systems, theirs))
+        found.append(SceneBench(bench, list(agenda_of(config.study)), methods, theirs))
     return found
 
 
@@ -235,7 +237,7 @@ def _external_maps(others: Sequence[External], scenes: Sequence[StudyScene]) -> 
 
 def _job(benches: Sequence[SceneBench]) -> JobSize:
     """Bytes of the missing bakes, with as many lobes as a material may have, and memory of the largest."""
-    missing = [(bench.bench, size) for bench in benches for size in bench.systems if _is_missing(bench, size)]
+    missing = [(bench.bench, size) for bench in benches for size in bench.sizes if bench.is_missing(size)]
     texels = [view_count(bench.scene, size) * size.resolution**2 for bench, size in missing]
     sizes = [LIGHT_BYTES + NOISY_SHARE * 4 * count * (3 * MOST_LOBES + 4) for count in texels]
     keeps = all(bench.bench.judged.judge.keep_bakes for bench in benches)
@@ -244,27 +246,18 @@ def _job(benches: Sequence[SceneBench]) -> JobSize:
     return JobSize(name, disk=round(disk), memory=PREPARED_BYTES * max(texels, default=0))
 
 
-def _is_missing(bench: SceneBench, size: BakeSize) -> bool:
-    return any(not bench.is_known(size, system) for system in bench.systems[size])
-
-
-def _names(benches: Sequence[SceneBench], others: Sequence[External]) -> list[str]:
-    used = {system.method for bench in benches for systems in bench.systems.values() for system in systems}
-    ranked = [name for name in method_names() if name in used]
-    return [*ranked, *sorted(used - set(ranked)), *(one.name for one in others)]
-
-
-def _measurements(bench: SceneBench) -> Iterator[tuple[str, Callable[[], Measured]]]:
-    """Name and function of each measurement."""
-    for size, systems in bench.systems.items():
-        for system in systems:
-            yield system.label, lambda size=size, system=system: bench.measure(size, system)  # type: ignore[misc]
+def _measurements(bench: SceneBench) -> Iterator[tuple[str, Callable[[], Measured] | None]]:
+    """Name and function of each measurement; None for one that is not asked for."""
+    for size in bench.sizes:
+        for name in bench.settings:
+            yield name, partial(bench.measure, size, name) if bench.is_asked(size, name) else None
     for name in bench.external:
-        yield name, lambda name=name: bench.judge(name)  # type: ignore[misc]
+        yield name, partial(bench.judge, name)
 
 
 def _scene(bench: SceneBench, found: Sequence[tuple[str, Measured]]) -> tuple[ComparedScene, ScenePictures]:
     judged, scene = bench.bench.judged, bench.bench.scene
+    by_label = {one.record.label: one for _, one in found if one.record is not None}
     record = ComparedScene(
         material=scene.material_name,
         material_class=scene.material_class,
@@ -273,10 +266,10 @@ def _scene(bench: SceneBench, found: Sequence[tuple[str, Measured]]) -> tuple[Co
         resolution=scene.resolution,
         views=[(float(x), float(y), float(z)) for x, y, z in (frame[:, 2] for frame in judged.frames)],
         reference=judged.record(),
-        systems=[one.record for _, one in found if one.record is not None],
+        systems=[one.record for one in by_label.values() if one.record is not None],
         refused={name: one.refusal for name, one in found if one.record is None},
     )
-    return record, draw_scene(record, judged.references, dict(found))
+    return record, draw_scene(record, judged.references, by_label)
 
 
 def _compiled(scenes: Sequence[ComparedScene]) -> list[ComparedScene]:

@@ -1,98 +1,46 @@
-"""Systems of a comparison: a method with options and a number of stored views, and what it reads of a bake."""
+"""Systems and settings of a comparison: the settings of one method are one system."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
 
-from rsibr.errors import InputError, did_you_mean
-from rsibr.methods.registry import registration
-from rsibr.studies.agenda import BakeSize
+from rsibr.methods.method_name import parse_name
+from rsibr.methods.registry import method_names, registration
 from rsibr.studies.compare.config import CompareConfig
 
 
-@dataclass(frozen=True)
-class System:
-    """A method with one setting: values of its options, and the stored views that it reads.
-
-    Attributes
-    ----------
-    method : str
-        Name of the method; all its settings together are one system.
-    options : tuple of (str, value)
-        Keyword options of the method that are not its defaults.
-    views : int or None
-        Stored views of the bake; None for a method that reads no stored maps.
-    """
-
-    method: str
-    options: tuple[tuple[str, Any], ...] = ()
-    views: int | None = None
-
-    @property
-    def label(self) -> str:
-        """Name of the setting: `rsibr, 12 views`, `split-sum, size 128`."""
-        options = [f"{name} {_shown(value)}" for name, value in self.options]
-        return ", ".join([self.method, *options, *([] if self.views is None else [f"{self.views} views"])])
-
-    @property
-    def key(self) -> dict[str, Any]:
-        """What the setting is, as JSON."""
-        return {"method": self.method, "options": [list(pair) for pair in self.options], "views": self.views}
+def system_of(name: str) -> str:
+    """System that a method's name with options belongs to: `split-sum` of `split-sum,size=128`."""
+    return parse_name(name)[0]
 
 
-def reads_maps(method: str) -> bool:
-    """Whether a method reads stored maps, so that its cost includes their rendering."""
-    return bool(getattr(registration(method).needs, "maps", True))
+def label_of(name: str, views: int | None) -> str:
+    """Name of a setting: the method's, and the stored views that it reads if any."""
+    return name if views is None else f"{name}, {views} views"
 
 
-def systems_of(
-    config: CompareConfig, sizes: Mapping[BakeSize, int], methods: Sequence[str]
-) -> dict[BakeSize, list[System]]:
-    """Settings to measure on each bake.
+def settings_of(config: CompareConfig, methods: Sequence[str] | None) -> list[str]:
+    """Names of all methods to measure, with options.
 
     Parameters
     ----------
     config : CompareConfig
-        Its `options` are the settings of each method.
-    sizes : mapping of BakeSize to int
-        Bakes of each scene, with their numbers of stored views. A method without stored maps is measured on the first.
-    methods : sequence of str
-        Names of the methods.
+    methods : sequence of str, optional
+        Names to take in place of the config's. Its further settings stay, of those systems that are compared.
 
     Raises
     ------
     InputError
-        If a method of `config.options` is unknown or has no such option.
+        If there is no such method or option.
     """
-    settings = {name: _settings(config, name) for name in methods}
-    found: dict[BakeSize, list[System]] = {size: [] for size in sizes}
-    for number, (size, views) in enumerate(sizes.items()):
-        for name in methods:
-            if reads_maps(name):
-                found[size] += [System(name, options, views) for options in settings[name]]
-            elif number == 0:
-                found[size] += [System(name, options) for options in settings[name]]
-    return found
+    chosen = methods or config.method or method_names()
+    systems = {system_of(name) for name in chosen}
+    further = [name for name in config.settings if system_of(name) in systems]
+    return [registration(name).name for name in dict.fromkeys([*chosen, *further])]
 
 
-def check_options(config: CompareConfig) -> None:
-    """Raise an InputError if `config.options` names an unknown method or option."""
-    for name, tables in config.options.items():
-        known = registration(name).options
-        for option in (option for table in tables for option in table):
-            if option not in known:
-                there = f"there are: {', '.join(known) or 'none'}"
-                where = f"{config.where}, options.{name}"
-                raise InputError(
-                    f"unknown option '{option}' of {name}", where=where, fix=did_you_mean(option, known) + there
-                )
-
-
-def _settings(config: CompareConfig, method: str) -> list[tuple[tuple[str, Any], ...]]:
-    return [tuple(table.items()) for table in config.options.get(method, ({},))]
-
-
-def _shown(value: Any) -> str:
-    return {True: "on", False: "off"}[value] if isinstance(value, bool) else str(value)
+def systems_of(names: Sequence[str]) -> list[str]:
+    """Systems of settings, in display order: registered ones by rank, then others."""
+    found = list(dict.fromkeys(system_of(name) for name in names))
+    ranks = {name: rank for rank, name in enumerate(method_names())}
+    return sorted(found, key=lambda name: ranks.get(name, len(ranks)))
