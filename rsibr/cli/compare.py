@@ -79,9 +79,14 @@ def print_comparison(found: Comparison) -> None:
     for record in found.document.classes:
         typer.echo(f"\n{printable(record.name)} ({record.scenes} scene{'s' * (record.scenes != 1)})")
         for sentence in answers(record):
-            typer.echo("  " + printable(sentence.replace("\u00a0", " ")))
+            typer.echo("  " + _plain(sentence))
     for scene in found.document.scenes:
         for label, reason in scene.refused.items():
             typer.echo(printable(f"not compared: {label} on {scene.name}: {reason}"))
-    typer.echo(f"took {duration(found.document.seconds)}")
+    typer.echo(f"took {_plain(duration(found.document.seconds))}")
     typer.echo(f"report: {printable(found.out / 'compare.html')}")
+
+
+def _plain(text: str) -> str:
+    """Text of the page for a terminal: ordinary spaces."""
+    return printable(text.replace("\u00a0", " "))

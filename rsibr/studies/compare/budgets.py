@@ -153,7 +153,7 @@ def winners(candidates: Sequence[Candidate], cost: str) -> list[WinnerRecord]:
         best = group[-1]  # on a front the dearest errs least
         if not taken or not best.is_level_with(taken[-1]):
             taken.append(best)
-    ends = [one.costs[cost] for one in taken[1:]] + [math.inf]
+    ends = [*(one.costs[cost] for one in taken[1:]), math.inf][: len(taken)]
     return [_winner(one, candidates, cost, end) for one, end in zip(taken, ends, strict=True)]
 
 

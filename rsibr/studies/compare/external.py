@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.errors import InputError, RsibrError
-from rsibr.geometry.frame import unit_view, view_frame
+from rsibr.geometry.frame import view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.methods.registry import registrations
 from rsibr.store.atomic import checksum, read_bytes
@@ -270,28 +270,24 @@ def _decoded(data: bytes, where: str) -> tuple[Mapping[str, Any], NDArray[np.flo
 
 
 def _frame(header: Mapping[str, Any], listed: Array | None, where: str) -> Array:
-    """Frame of a map: from its header, or upright about the view that the header or the list has."""
+    """Frame of a map: from its header, or upright about the view that the list or the header has."""
     frame = _attribute(header, FRAME_KEY, (3, 3), where)
     view = _attribute(header, VIEW_KEY, (3,), where)
-    views = {name: v for name, v in (("the list", listed), (VIEW_KEY, view)) if v is not None}
-    if frame is None and not views:
-        fix = f"write the attribute {VIEW_KEY} (v3f) or {FRAME_KEY} (m33f), or list files and views in {LIST_NAME}"
-        raise InputError(f"its header has neither {VIEW_KEY} nor {FRAME_KEY}", where=where, fix=fix)
-    if view is not None:
-        _checked_view(view, where)
-    if frame is None:
-        frame = view_frame(next(iter(views.values())))
-    elif not _is_rotation(frame):
+    if frame is not None and not _is_rotation(frame):
         fix = "give unit columns x (right), y (up), z = view, right-handed"
         raise InputError(f"{FRAME_KEY} is no rotation", where=where, fix=fix)
-    for name, one in views.items():
-        if not np.allclose(frame[:, 2], one, rtol=0, atol=_UNIT):
-            other = FRAME_KEY if FRAME_KEY in header else VIEW_KEY
-            fix = f"let {name} and {other} agree"
-            what = f"the view is {_shown(one)} in {name} and {_shown(frame[:, 2])} in {other}"
-            raise InputError(what, where=where, fix=fix)
-    upright = view_frame(unit_view(frame[:, 2]))  # in double precision, as the methods' own
-    return upright if np.allclose(upright, frame, rtol=0, atol=_FLOAT32) else frame
+    stated = {"the list": listed, VIEW_KEY: view, FRAME_KEY: None if frame is None else frame[:, 2]}
+    views = {name: _checked_view(one, where) for name, one in stated.items() if one is not None}
+    if not views:
+        fix = f"write the attribute {VIEW_KEY} (v3f) or {FRAME_KEY} (m33f), or list files and views in {LIST_NAME}"
+        raise InputError(f"its header has neither {VIEW_KEY} nor {FRAME_KEY}", where=where, fix=fix)
+    (first, said), *others = views.items()
+    for name, one in others:
+        if not np.allclose(one, said, rtol=0, atol=_UNIT):
+            what = f"the view is {_shown(said)} in {first} and {_shown(one)} in {name}"
+            raise InputError(what, where=where, fix="let the two agree")
+    upright = view_frame(said if frame is None else frame[:, 2])  # in double precision, as the methods' own
+    return upright if frame is None or np.allclose(upright, frame, rtol=0, atol=_FLOAT32) else frame
 
 
 def _attribute(header: Mapping[str, Any], name: str, shape: tuple[int, ...], where: str) -> Array | None:

@@ -125,7 +125,7 @@ def _range(classes: Sequence[ClassRecord], cost: str) -> tuple[float, float]:
 
 def _band(axes: Axes, row: int, winners: Sequence[WinnerRecord], colours: Mapping[str, str]) -> None:
     low, high = axes.get_xlim()
-    ends = [one.budget for one in winners[1:]] + [high]
+    ends = [*(one.budget for one in winners[1:]), high][: len(winners)]
     for one, end in zip(winners, ends, strict=True):
         start = max(one.budget, low)
         colour = colours[one.system]
