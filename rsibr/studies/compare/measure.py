@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
+import drjit as dr
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,10 +14,13 @@ from rsibr.errors import BakeError
 from rsibr.methods.device_size import device_bytes
 from rsibr.methods.method_name import parse_name
 from rsibr.methods.method_set import MethodSet
+from rsibr.methods.protocol import Method
 from rsibr.methods.registry import method_digest
 from rsibr.source_code import source_digest
+from rsibr.store.bake import Bake
 from rsibr.store.manifest import canonical
 from rsibr.studies.agenda import BakeSize
+from rsibr.studies.baked import BakedMaps
 from rsibr.studies.bench import Bench
 from rsibr.studies.compare.external import ExternalMap, image_at
 from rsibr.studies.compare.records import CostRecord, SystemRecord
@@ -75,7 +79,6 @@ class SceneBench:
     sizes: Sequence[BakeSize]
     settings: Sequence[str]
     external: Mapping[str, Sequence[ExternalMap]] = field(default_factory=dict)
-    _methods: MethodSet | None = None
 
     @property
     def steps(self) -> int:
@@ -103,7 +106,6 @@ class SceneBench:
 
     def close(self) -> None:
         """Release what is in memory; bakes are removed unless they are kept."""
-        self._methods = None
         self.bench.close()
 
     def _key(self, size: BakeSize, name: str) -> dict[str, Any]:
@@ -116,12 +118,9 @@ class SceneBench:
         return self.bench.journal.find(key)["facts"] if self.bench.judged.store.has(key) else None
 
     def _made(self, size: BakeSize, name: str) -> tuple[Arrays, dict[str, Any]]:
-        methods = self._opened(size)
-        judged, opened = self.bench.judged, self.bench.opened
-        if opened is None:
-            raise ValueError("no bake is open")
+        judged, opened = self.bench.judged, self._opened(size)
         try:
-            method = methods[name]
+            method, compiled = _prepared(opened.bake, name)
         except BakeError as error:
             return {}, {"refusal": error.what}
         errors, points, seconds, first, shown = [], [], [], [], None
@@ -134,9 +133,8 @@ class SceneBench:
             shown = made.image if number == SHOWN else shown
         reads_maps = method.cost.bake_seconds > 0
         cost = CostRecord(
-            bake_seconds=opened.record.seconds.median if reads_maps else _set_up_seconds(opened.record),
-            prepare_seconds=method.cost.prepare_seconds,
-            compile_seconds=max(0.0, first[0]),
+            **_bake_costs(opened.record, reads_maps=reads_maps, compiled=compiled + max(0.0, first[0])),
+            prepare_seconds=max(0.0, method.cost.prepare_seconds - compiled),
             frame_seconds=Timing.of(seconds),
             eval_seconds=Timing.of([point.seconds for point in points]),
             disk_bytes=method.cost.bytes,
@@ -167,19 +165,30 @@ class SceneBench:
         )
         return _stored(record, images[SHOWN], errors)
 
-    def _opened(self, size: BakeSize) -> MethodSet:
-        """Methods of the bake of a size, which is made or finished if need be."""
-        opened = self.bench.opened
-        if self._methods is None or opened is None or opened.size != size:
-            self._methods = None
+    def _opened(self, size: BakeSize) -> BakedMaps:
+        """Bake of a size, which is made or finished if need be."""
+        if self.bench.opened is None or self.bench.opened.size != size:
             self.bench.bake(size)
-            self._methods = MethodSet(self.bench.opened.bake)  # type: ignore[union-attr]  # `bake` has opened it
-        return self._methods
+        return cast(BakedMaps, self.bench.opened)
 
 
-def _set_up_seconds(bake: BakeRecord) -> float:
-    """Time of a bake without the rendering of its maps, for a method that reads none."""
-    return max(0.0, bake.setup_seconds - bake.compile_seconds)
+def _prepared(bake: Bake, name: str) -> tuple[Method, float]:
+    """Make a method by itself, and return the time of compilation in its preparation [s].
+
+    Nothing is shared with other methods, and compilation is told apart: who compiles a kernel depends on the order.
+    """
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        method = MethodSet(bake)[name]
+        compiled = sum(kernel["backend_time"] for kernel in dr.kernel_history([dr.KernelType.JIT]))  # in milliseconds
+    return method, 1e-3 * compiled
+
+
+def _bake_costs(bake: BakeRecord, *, reads_maps: bool, compiled: float) -> dict[str, float]:
+    """Time of a bake, without the rendering of its maps for a method that reads none; and of all compilation [s]."""
+    whole = bake.seconds.median if reads_maps else bake.setup_seconds
+    compiled += bake.compile_seconds if reads_maps else 0.0
+    return {"bake_seconds": max(0.0, whole - bake.compile_seconds), "compile_seconds": compiled}
 
 
 def _stored(

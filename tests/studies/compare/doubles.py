@@ -8,11 +8,11 @@ from tests.studies.doubles import MEGABYTE, ZONES, error, estimate, timing
 
 
 def cost(once: float = 1.0, size: int = MEGABYTE, frame: float = 0.001) -> CostRecord:
-    """Cost whose time before the first map is half bake, three eighths preparation, an eighth compilation."""
+    """Cost whose time before the first map is half bake, half preparation."""
     return CostRecord(
         bake_seconds=once / 2,
-        prepare_seconds=once * 3 / 8,
-        compile_seconds=once / 8,
+        prepare_seconds=once / 2,
+        compile_seconds=0.5,
         frame_seconds=timing(frame),
         eval_seconds=timing(1e-7),
         disk_bytes=size // 2,
