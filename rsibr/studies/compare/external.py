@@ -6,6 +6,7 @@ import csv
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -225,18 +226,14 @@ def _rows(table: Path) -> Iterator[tuple[Path, Array | None]]:
 
 
 def _read(file: Path, view: Array | None, side: int) -> ExternalMap:
-    data = _content(file)
-    header, image = _decoded(data, str(file))
-    frame = _frame(header, view, str(file))
-    if image.shape[:2] != (side, side):
-        height, width = image.shape[:2]
-        what, fix = f"is {width}×{height}, and the maps compared are {side}×{side}", f"render it at {side}×{side}"
-        raise InputError(what, where=str(file), fix=fix)
+    data, where = _content(file), str(file)
+    frame = _frame(_header(data, where, side), view, where)
+    image = _pixels(data, where)
     bad = np.argwhere((texel_coverage(side) > 0)[..., None] & ~np.isfinite(image))
     if len(bad):
         row, column, channel = bad[0]
         what = f"radiance is {image[row, column, channel]} in row {row}, column {column} ({len(bad)} such values)"
-        raise InputError(what, where=str(file), fix="give finite radiance wherever a texel overlaps the disk")
+        raise InputError(what, where=where, fix="give finite radiance wherever a texel overlaps the disk")
     return ExternalMap(file, frame, image, checksum(data))
 
 
@@ -249,24 +246,40 @@ def _content(file: Path) -> bytes:
         raise InputError(error.what, where=str(file)) from error
 
 
-def _decoded(data: bytes, where: str) -> tuple[Mapping[str, Any], NDArray[np.float32]]:
-    """Header and pixels R, G, B of the first part."""
-    try:
-        with open_exr(io.BytesIO(data)) as file:
-            if not file.parts:
-                raise ValueError("no parts")
-            part = file.parts[0]
-            header, pixels = dict(part.header), {name: channel.pixels for name, channel in part.channels.items()}
-    except (RuntimeError, ValueError, TypeError, OSError, MemoryError):
-        raise InputError("is no whole OpenEXR file", where=where, fix="write it anew") from None
-    # OpenEXR's Python package joins channels R, G, B (and A) into one array
-    for name in ("RGB", "RGBA"):
-        if name in pixels:
-            return header, np.ascontiguousarray(pixels[name][..., :3], np.float32)
-    if {"R", "G", "B"} <= set(pixels):
-        return header, np.stack([pixels[name] for name in "RGB"], axis=-1).astype(np.float32)
+def _header(data: bytes, where: str, side: int) -> Mapping[str, Any]:
+    """Header of the first part of a map of `side`² texels; pixels are not read, however many it announces."""
+    with _first_part(data, where, header_only=True) as part:
+        header = dict(part.header)
+        low, high = np.asarray(header["dataWindow"])
+        width, height = (int(sides) for sides in high.astype(np.int64) - low + 1)
+    if (width, height) != (side, side):
+        what, fix = f"is {width}×{height}, and the maps compared are {side}×{side}", f"render it at {side}×{side}"
+        raise InputError(what, where=where, fix=fix)
+    return header
+
+
+def _pixels(data: bytes, where: str) -> NDArray[np.float32]:
+    """R, G, B of the first part."""
+    with _first_part(data, where) as part:
+        pixels = {name: channel.pixels for name, channel in part.channels.items()}
+        # OpenEXR's Python package joins channels R, G, B (and A) into one array
+        for name in ("RGB", "RGBA"):
+            if name in pixels:
+                return np.ascontiguousarray(pixels[name][..., :3], np.float32)
+        if {"R", "G", "B"} <= set(pixels):
+            return np.stack([pixels[name] for name in "RGB"], axis=-1).astype(np.float32)
     what = f"has the channels {', '.join(sorted(pixels)) or 'none'} in its first part, not R, G, B"
     raise InputError(what, where=where, fix="save it as RGB")
+
+
+@contextmanager
+def _first_part(data: bytes, where: str, *, header_only: bool = False) -> Iterator[Any]:
+    """First part of an OpenEXR file; whatever is wrong with it is an InputError."""
+    try:
+        with open_exr(io.BytesIO(data), header_only=header_only) as file:
+            yield file.parts[0]
+    except (RuntimeError, ValueError, TypeError, LookupError, OSError, MemoryError):
+        raise InputError("is no whole OpenEXR file", where=where, fix="write it anew") from None
 
 
 def _frame(header: Mapping[str, Any], listed: Array | None, where: str) -> Array:

@@ -191,3 +191,24 @@ def test_names_are_given_once_and_are_no_methods(tmp_path):
     ):
         with pytest.raises(InputError, match=says):
             parse_externals(texts)
+
+
+@pytest.mark.parametrize("kind", ["map", "list"])
+def test_altered_files_are_maps_or_one_line(tmp_path, rng, kind):
+    """Bytes are altered, cut and repeated: nothing but an InputError is raised."""
+    file = write(tmp_path / "a.exr", view=VIEWS[0], frame=view_frame(VIEWS[0]))
+    table = tmp_path / "views.csv"
+    table.write_text("file,x,y,z\na.exr,0,0,1\n")
+    altered = file if kind == "map" else table
+    whole, refusals = altered.read_bytes(), 0
+    for _ in range(300):
+        data = bytearray(whole)
+        for place in rng.integers(0, len(data), rng.integers(1, 6)):
+            data[place] = rng.integers(0, 256)
+        cut = rng.integers(0, len(data)) if rng.random() < 0.3 else len(data)
+        altered.write_bytes(bytes(data[:cut]))
+        try:
+            read(tmp_path)
+        except InputError:
+            refusals += 1
+    assert refusals > 100

@@ -258,3 +258,17 @@ def test_what_a_bake_cannot_serve_is_refused_with_its_reason(tmp_path):
     assert "lobes are not stored separately" in scene.refused["rsibr"]
     assert registration("rsibr").needs.lobes
     assert "Not compared: rsibr" in (tmp_path / "compare.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_a_black_scene_has_no_error_and_a_page(tmp_path):
+    base = {
+        "environment": {"emitter": {"type": "constant", "radiance": 0.0}},
+        "material": {"preset": "matte-lambert"},
+        "map": {"resolution": 8},
+        "sampling": {"samples": 4},
+    }
+    config = {"base": base, "method": ["nearest", "cabral1999"], "judge": {"views": 1, "samples": 8}}
+    found = compare([config], out=tmp_path)
+    assert all(one.rel_mse == 0 for one in found.document.scenes[0].systems)
+    assert (tmp_path / "compare.html").is_file()
