@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, cast
 
@@ -15,6 +16,7 @@ from rsibr.methods.device_size import device_bytes
 from rsibr.methods.method_name import parse_name
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
+from rsibr.methods.reconstruction import run
 from rsibr.methods.registry import method_digest
 from rsibr.source_code import source_digest
 from rsibr.store.bake import Bake
@@ -120,25 +122,29 @@ class SceneBench:
     def _made(self, size: BakeSize, name: str) -> tuple[Arrays, dict[str, Any]]:
         judged, opened = self.bench.judged, self._opened(size)
         try:
-            method, compiled = _prepared(opened.bake, name)
+            started = _started(opened.bake, name, judged.frames[SHOWN], judged.scene.resolution)
         except BakeError as error:
             return {}, {"refusal": error.what}
-        errors, points, seconds, first, shown = [], [], [], [], None
-        for number, (frame, truth) in enumerate(zip(judged.frames, judged.references, strict=True)):
-            made, before = timed(method, frame, judged.scene.resolution)
-            errors.append(compare(made.image, truth, judged.exposures, name=f"{name} at view {number}"))
-            points.append(judge_eval(method, frame, truth, judged.scene.seed))
-            seconds.append(made.seconds)
-            first.append(before - made.seconds)
-            shown = made.image if number == SHOWN else shown
+        method, resolution = started.method, judged.scene.resolution
+        made = [timed(method, frame, resolution)[0] for frame in judged.frames]
+        of_maps = started.map_costs(made[SHOWN].seconds)
+        pairs = list(zip(made, judged.references, strict=True))
+        errors = [
+            compare(one.image, truth, judged.exposures, name=f"{name} at view {number}")
+            for number, (one, truth) in enumerate(pairs)
+        ]
+        points = [judge_eval(method, one.frame, truth, judged.scene.seed) for one, truth in pairs]
         reads_maps = method.cost.bake_seconds > 0
         cost = CostRecord(
-            **_bake_costs(opened.record, reads_maps=reads_maps, compiled=compiled + max(0.0, first[0])),
-            prepare_seconds=max(0.0, method.cost.prepare_seconds - compiled),
-            frame_seconds=Timing.of(seconds),
+            bake_seconds=_bake_seconds(opened.record, reads_maps=reads_maps),
+            prepare_seconds=of_maps.prepare_seconds,
+            compile_seconds=of_maps.compile_seconds + (opened.record.compile_seconds if reads_maps else 0.0),
+            frame_seconds=Timing.of([one.seconds for one in made]),
+            eval_prepare_seconds=max(0.0, method.cost.prepare_seconds - of_maps.whole_prepare_seconds),
             eval_seconds=Timing.of([point.seconds for point in points]),
             disk_bytes=method.cost.bytes,
-            bytes=max(method.cost.device_bytes, device_bytes(method)),
+            bytes=of_maps.bytes,
+            eval_bytes=max(method.cost.device_bytes, device_bytes(method)),
         )
         views = opened.record.views if reads_maps else None
         record = SystemRecord(
@@ -150,7 +156,7 @@ class SceneBench:
             eval_rel_mse=mean_model([point.rel_mse for point in points]),
             cost=cost,
         )
-        return _stored(record, shown, errors)
+        return _stored(record, made[SHOWN].image, errors)
 
     def _judged(self, name: str, maps: Sequence[ExternalMap]) -> tuple[Arrays, dict[str, Any]]:
         judged = self.bench.judged
@@ -172,29 +178,77 @@ class SceneBench:
         return cast(BakedMaps, self.bench.opened)
 
 
-def _prepared(bake: Bake, name: str) -> tuple[Method, float]:
-    """Make a method by itself, and return the time of compilation in its preparation [s].
+@dataclass(frozen=True)
+class _MapCosts:
+    """Costs of a method once it has made maps, and before its first point."""
 
-    Nothing is shared with other methods, and compilation is told apart: who compiles a kernel depends on the order.
+    whole_prepare_seconds: float
+    prepare_seconds: float
+    compile_seconds: float
+    bytes: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Started:
+    """A method that has made its first map.
+
+    Attributes
+    ----------
+    method : Method
+        Made by itself: nothing is shared with other methods.
+    first : float
+        Time of the first map [s].
+    compiled_before, compiled_in_map : float
+        Compilation by LLVM or the driver in its preparation and in the first map [s].
     """
+
+    method: Method
+    first: float
+    compiled_before: float
+    compiled_in_map: float
+
+    def map_costs(self, seconds: float) -> _MapCosts:
+        """Tell preparation and compilation apart; `seconds` is the time of a map, nothing compiled.
+
+        Who compiles a kernel depends on the order of the methods. A method may prepare for a size of map at its first,
+        which counts as preparation; what the first map takes beyond is compilation and tracing.
+        """
+        beyond = max(0.0, self.first - seconds)
+        whole = self.method.cost.prepare_seconds
+        compiled = self.compiled_before + max(0.0, self.compiled_in_map - beyond)
+        on_device = max(self.method.cost.device_bytes, device_bytes(self.method))
+        return _MapCosts(whole, max(0.0, whole - compiled), compiled + beyond, on_device)
+
+
+def _started(bake: Bake, name: str, frame: NDArray[np.float64], resolution: int) -> _Started:
+    """Make a method and its first map."""
+    with _compilation() as before:
+        method = MethodSet(bake)[name]
+    with _compilation() as in_map:
+        first = run(method, frame, resolution).seconds
+    return _Started(method, first, sum(before), sum(in_map))
+
+
+@contextmanager
+def _compilation() -> Iterator[list[float]]:
+    """Record the times of compilation in the block [s]."""
+    found: list[float] = []
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         dr.kernel_history_clear()
-        method = MethodSet(bake)[name]
-        compiled = sum(kernel["backend_time"] for kernel in dr.kernel_history([dr.KernelType.JIT]))  # in milliseconds
-    return method, 1e-3 * compiled
+        yield found
+        found += [1e-3 * kernel["backend_time"] for kernel in dr.kernel_history([dr.KernelType.JIT])]
 
 
-def _bake_costs(bake: BakeRecord, *, reads_maps: bool, compiled: float) -> dict[str, float]:
-    """Time of a bake, without the rendering of its maps for a method that reads none; and of all compilation [s]."""
+def _bake_seconds(bake: BakeRecord, *, reads_maps: bool) -> float:
+    """Time of a bake, nothing compiled; without the rendering of its maps for a method that reads none."""
     whole = bake.seconds.median if reads_maps else bake.setup_seconds
-    compiled += bake.compile_seconds if reads_maps else 0.0
-    return {"bake_seconds": max(0.0, whole - bake.compile_seconds), "compile_seconds": compiled}
+    return max(0.0, whole - bake.compile_seconds)
 
 
 def _stored(
-    record: SystemRecord, image: NDArray[np.float32] | None, errors: Sequence[MapError]
+    record: SystemRecord, image: NDArray[np.float32], errors: Sequence[MapError]
 ) -> tuple[Arrays, dict[str, Any]]:
-    arrays = {"image": np.asarray(image, np.float32), "relative_error": errors[SHOWN].relative_error}
+    arrays = {"image": image, "relative_error": errors[SHOWN].relative_error}
     return arrays, {"record": record.model_dump(mode="json")}
 
 

@@ -25,9 +25,11 @@ class CostRecord(Record):
         "kernel depends on the order, so that it is in no budget"
     )
     frame_seconds: Timing = Field(description="a map, nothing compiled")
+    eval_prepare_seconds: Positive = Field(description="further preparation before the first point of eval")
     eval_seconds: Timing = Field(description="one evaluation of eval at a point")
     disk_bytes: int = Field(description="files that the method reads: maps and light, or the light alone")
     bytes: int = Field(description="arrays of the method on the device after its maps, shared ones included")
+    eval_bytes: int = Field(description="the same after eval")
 
     @property
     def once_seconds(self) -> float:

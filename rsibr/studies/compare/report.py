@@ -40,12 +40,26 @@ COLUMNS = (
     "compile_seconds",
     "once_seconds",
     "frame_seconds",
+    "eval_prepare_seconds",
     "eval_seconds",
     "disk_bytes",
     "bytes",
+    "eval_bytes",
     "refused",
 )
 """Columns of `compare.csv`, a row a setting of a system on a scene; empty where a value does not exist."""
+
+
+_PLAIN = (
+    "bake_seconds",
+    "prepare_seconds",
+    "compile_seconds",
+    "once_seconds",
+    "eval_prepare_seconds",
+    "disk_bytes",
+    "bytes",
+    "eval_bytes",
+)
 
 
 def write_comparison(document: CompareDocument, pictures: Sequence[ScenePictures], folder: Path) -> Path:
@@ -114,6 +128,5 @@ def _cost(record: SystemRecord) -> dict[str, Any]:
     cost = record.cost
     if cost is None:
         return {}
-    plain = ("bake_seconds", "prepare_seconds", "compile_seconds", "once_seconds", "disk_bytes", "bytes")
     medians = {name: getattr(cost, name).median for name in ("frame_seconds", "eval_seconds")}
-    return {name: getattr(cost, name) for name in plain} | medians
+    return {name: getattr(cost, name) for name in _PLAIN} | medians

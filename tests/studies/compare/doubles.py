@@ -14,9 +14,11 @@ def cost(once: float = 1.0, size: int = MEGABYTE, frame: float = 0.001) -> CostR
         prepare_seconds=once / 2,
         compile_seconds=0.5,
         frame_seconds=timing(frame),
+        eval_prepare_seconds=0.25,
         eval_seconds=timing(1e-7),
         disk_bytes=size // 2,
         bytes=size,
+        eval_bytes=size,
     )
 
 

@@ -236,6 +236,11 @@ def test_all_methods_on_two_configs_with_one_material(asymmetric_environment, tm
     for scene in found.document.scenes:
         assert {one.system for one in scene.systems} | set(scene.refused) == set(rsibr.method_names())
         best = scene.best()
+        costs = {one.system: one.cost for one in scene.systems}
+        assert costs["cabral1999"].eval_prepare_seconds == 0
+        assert costs["cabral1999"].eval_bytes == costs["cabral1999"].bytes
+        assert costs["rsibr"].eval_prepare_seconds > 0  # its points are prepared apart from its maps
+        assert costs["rsibr"].eval_bytes > costs["rsibr"].bytes > costs["cabral1999"].bytes
         assert best["rsibr"].rel_mse < best["cabral1999"].rel_mse < best["nearest"].rel_mse
     (record,) = found.document.classes
     assert (record.name, record.scenes) == ("glossy-plastic", 2)
