@@ -1,4 +1,4 @@
-"""Name of a method with values of its options, as a user writes it: `NAME[,OPTION=VALUE]…`."""
+"""Name of a method or a lookup with values of its options, as a user writes it: `NAME[,OPTION=VALUE]…`."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ _NEXT_OPTION = re.compile(r",(?=\s*[A-Za-z_]\w*\s*=)")
 """Comma before an option; commas of a list in its value are not."""
 
 
-def parse_name(text: str) -> tuple[str, dict[str, Any]]:
-    """Parse a method's name and its options.
+def parse_name(text: str, kind: str = "method") -> tuple[str, dict[str, Any]]:
+    """Parse a name and its options.
 
     Parameters
     ----------
     text : str
         `NAME`, or `NAME,OPTION=VALUE` with any number of options. Values are TOML; a bare word is a string.
+    kind : str
+        What it is the name of, for errors.
 
     Returns
     -------
@@ -39,7 +41,7 @@ def parse_name(text: str) -> tuple[str, dict[str, Any]]:
     name, *options = _NEXT_OPTION.split(text)
     keys = [option.partition("=")[0].strip() for option in options]
     if twice := [key for key in keys if keys.count(key) > 1]:
-        raise InputError(f"option {twice[0]} is given twice", where=f"method {text}", fix="give it once")
+        raise InputError(f"option {twice[0]} is given twice", where=f"{kind} {text}", fix="give it once")
     return name.strip(), apply_overrides({}, options)
 
 
