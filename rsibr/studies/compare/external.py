@@ -150,12 +150,9 @@ def common_frames(maps: Mapping[str, Sequence[ExternalMap]]) -> list[Array]:
     return [one.frame for one in first[1]]
 
 
-def image_at(maps: Sequence[ExternalMap], frame: Array) -> NDArray[np.float32]:
-    """Return the map with this frame; KeyError if there is none."""
-    for one in maps:
-        if np.allclose(one.frame, frame, rtol=0, atol=_SAME):
-            return one.image
-    raise KeyError("no map of this view")
+def map_at(maps: Sequence[ExternalMap], frame: Array) -> ExternalMap:
+    """Return the map with this frame; StopIteration if there is none."""
+    return next(one for one in maps if np.allclose(one.frame, frame, rtol=0, atol=_SAME))
 
 
 def _same_frame(wanted: ExternalMap, its_name: str, maps: Sequence[ExternalMap], name: str) -> None:

@@ -10,7 +10,7 @@ from rsibr.errors import InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.store.map_file import MapFile, write_map
-from rsibr.studies.compare.external import External, common_frames, image_at, maps_of_scenes, parse_externals
+from rsibr.studies.compare.external import External, common_frames, map_at, maps_of_scenes, parse_externals
 
 SIDE = 8
 VIEWS = [(0.0, 0.0, 1.0), (0.48, 0.6, 0.64)]
@@ -68,7 +68,7 @@ def test_maps_of_reconstruct_are_read(tmp_path):
     write_map(tmp_path / "a.exr", MapFile(frame[:, 2].copy(), frame, {"radiance": image}, None, coverage))
     ((one,),) = read(tmp_path).values()
     assert np.array_equal(one.image, image)
-    assert np.array_equal(image_at([one], one.frame), image)
+    assert np.array_equal(map_at([one], one.frame).image, image)
 
 
 @pytest.mark.parametrize("channels", ["RGBA", "apart", "half"])
@@ -171,7 +171,7 @@ def test_all_external_systems_share_their_views(tmp_path):
     maps = {name: read(tmp_path / name)["paint-city"] for name in ("one", "two")}
     frames = common_frames(maps)
     np.testing.assert_allclose([frame[:, 2] for frame in frames], VIEWS, atol=1e-7)
-    assert image_at(maps["two"], frames[0]) is maps["two"][1].image
+    assert map_at(maps["two"], frames[0]) is maps["two"][1]
     for pair in ({"one": maps["one"], "two": maps["two"][:1]}, {"one": maps["one"][:1], "two": maps["two"]}):
         with pytest.raises(InputError, match="has no map of the view"):
             common_frames(pair)
