@@ -24,13 +24,13 @@ from rsibr.store.manifest import canonical
 from rsibr.studies.agenda import BakeSize
 from rsibr.studies.baked import BakedMaps
 from rsibr.studies.bench import Bench
-from rsibr.studies.compare.external import ExternalMap, image_at
+from rsibr.studies.compare.external import ExternalMap, map_at
 from rsibr.studies.compare.records import CostRecord, SystemRecord
 from rsibr.studies.compare.systems import label_of, system_of
 from rsibr.studies.results import BakeRecord, ErrorRecord, Timing, mean_model
 from rsibr.studies.truth import Arrays
-from rsibr.validation.eval_error import judge_eval
-from rsibr.validation.metrics import MapError, compare
+from rsibr.validation.eval_error import EvalError, judge_eval
+from rsibr.validation.metrics import compare
 from rsibr.validation.validation import timed
 
 SHOWN = 0
@@ -102,9 +102,10 @@ class SceneBench:
 
     def judge(self, name: str) -> Measured:
         """Error of external maps."""
-        maps = self.external[name]
+        judged = self.bench.judged
+        maps = [map_at(self.external[name], frame) for frame in judged.frames]
         key = self.bench.key("external", name=name, files=[one.digest for one in maps], code=source_digest(*_CODE))
-        return _measured(*self.bench.judged.store.get(key, lambda: self._judged(name, maps)))
+        return _measured(*judged.store.get(key, lambda: self._judged(name, [one.image for one in maps])))
 
     def close(self) -> None:
         """Release what is in memory; bakes are removed unless they are kept."""
@@ -127,49 +128,38 @@ class SceneBench:
             return {}, {"refusal": error.what}
         method, resolution = started.method, judged.scene.resolution
         made = [timed(method, frame, resolution)[0] for frame in judged.frames]
-        of_maps = started.map_costs(made[SHOWN].seconds)
-        pairs = list(zip(made, judged.references, strict=True))
-        errors = [
-            compare(one.image, truth, judged.exposures, name=f"{name} at view {number}")
-            for number, (one, truth) in enumerate(pairs)
+        of_maps = started.map_costs(made[SHOWN].seconds)  # before `eval`, which may prepare further
+        points = [
+            judge_eval(method, frame, truth, judged.scene.seed)
+            for frame, truth in zip(judged.frames, judged.references, strict=True)
         ]
-        points = [judge_eval(method, one.frame, truth, judged.scene.seed) for one, truth in pairs]
-        reads_maps = method.cost.bake_seconds > 0
-        cost = CostRecord(
-            bake_seconds=_bake_seconds(opened.record, reads_maps=reads_maps),
-            prepare_seconds=of_maps.prepare_seconds,
-            compile_seconds=of_maps.compile_seconds + (opened.record.compile_seconds if reads_maps else 0.0),
-            frame_seconds=Timing.of([one.seconds for one in made]),
-            eval_prepare_seconds=max(0.0, method.cost.prepare_seconds - of_maps.whole_prepare_seconds),
-            eval_seconds=Timing.of([point.seconds for point in points]),
-            disk_bytes=method.cost.bytes,
-            bytes=of_maps.bytes,
-            eval_bytes=max(method.cost.device_bytes, device_bytes(method)),
-        )
-        views = opened.record.views if reads_maps else None
+        cost = _cost(opened.record, method, of_maps, [one.seconds for one in made], [one.seconds for one in points])
+        return self._told(name, [one.image for one in made], cost, points)
+
+    def _judged(self, name: str, images: Sequence[NDArray[np.float32]]) -> tuple[Arrays, dict[str, Any]]:
+        return self._told(name, images, None, [])
+
+    def _told(
+        self, name: str, images: Sequence[NDArray[np.float32]], cost: CostRecord | None, points: Sequence[EvalError]
+    ) -> tuple[Arrays, dict[str, Any]]:
+        """Compare the maps of all views, and return what is kept on the disk."""
+        judged, opened = self.bench.judged, self.bench.opened
+        errors = [
+            compare(image, truth, judged.exposures, name=f"{name} at view {number}")
+            for number, (image, truth) in enumerate(zip(images, judged.references, strict=True))
+        ]
+        views = opened.record.views if opened is not None and cost is not None and cost.reads_maps else None
         record = SystemRecord(
             label=label_of(name, views),
             system=system_of(name),
             options=parse_name(name)[1],
             views=views,
             error=ErrorRecord.of(errors),
-            eval_rel_mse=mean_model([point.rel_mse for point in points]),
+            eval_rel_mse=mean_model([point.rel_mse for point in points]) if points else None,
             cost=cost,
         )
-        return _stored(record, made[SHOWN].image, errors)
-
-    def _judged(self, name: str, maps: Sequence[ExternalMap]) -> tuple[Arrays, dict[str, Any]]:
-        judged = self.bench.judged
-        images = [image_at(maps, frame) for frame in judged.frames]
-        errors = [
-            compare(image, truth, judged.exposures, name=name)
-            for image, truth in zip(images, judged.references, strict=True)
-        ]
-        error = ErrorRecord.of(errors)
-        record = SystemRecord(
-            label=name, system=name, options={}, views=None, error=error, eval_rel_mse=None, cost=None
-        )
-        return _stored(record, images[SHOWN], errors)
+        arrays = {"image": images[SHOWN], "relative_error": errors[SHOWN].relative_error}
+        return arrays, {"record": record.model_dump(mode="json")}
 
     def _opened(self, size: BakeSize) -> BakedMaps:
         """Bake of a size, which is made or finished if need be."""
@@ -239,17 +229,24 @@ def _compilation() -> Iterator[list[float]]:
         found += [1e-3 * kernel["backend_time"] for kernel in dr.kernel_history([dr.KernelType.JIT])]
 
 
-def _bake_seconds(bake: BakeRecord, *, reads_maps: bool) -> float:
-    """Time of a bake, nothing compiled; without the rendering of its maps for a method that reads none."""
+def _cost(
+    bake: BakeRecord, method: Method, of_maps: _MapCosts, seconds: Sequence[float], eval_seconds: Sequence[float]
+) -> CostRecord:
+    """Costs of a method; without the rendering of stored maps for one that reads none."""
+    reads_maps = method.cost.bake_seconds > 0
     whole = bake.seconds.median if reads_maps else bake.setup_seconds
-    return max(0.0, whole - bake.compile_seconds)
-
-
-def _stored(
-    record: SystemRecord, image: NDArray[np.float32], errors: Sequence[MapError]
-) -> tuple[Arrays, dict[str, Any]]:
-    arrays = {"image": image, "relative_error": errors[SHOWN].relative_error}
-    return arrays, {"record": record.model_dump(mode="json")}
+    return CostRecord(
+        reads_maps=reads_maps,
+        bake_seconds=max(0.0, whole - bake.compile_seconds),
+        prepare_seconds=of_maps.prepare_seconds,
+        compile_seconds=of_maps.compile_seconds + (bake.compile_seconds if reads_maps else 0.0),
+        frame_seconds=Timing.of(seconds),
+        eval_prepare_seconds=max(0.0, method.cost.prepare_seconds - of_maps.whole_prepare_seconds),
+        eval_seconds=Timing.of(eval_seconds),
+        disk_bytes=method.cost.bytes,
+        bytes=of_maps.bytes,
+        eval_bytes=max(method.cost.device_bytes, device_bytes(method)),
+    )
 
 
 def _measured(arrays: Arrays, facts: dict[str, Any]) -> Measured:

@@ -13,6 +13,7 @@ from rsibr.validation.report.estimate_document import EstimateModel
 class CostRecord(Record):
     """Cost of one setting of a method. Times in seconds, sizes in bytes."""
 
+    reads_maps: bool = Field(description="whether the method reads stored maps")
     bake_seconds: Positive = Field(
         description="of what the method reads: the whole bake, or, without stored maps, its set-up: loading, probes, "
         "lobe fits, light tables; nothing compiled"

@@ -10,6 +10,7 @@ from tests.studies.doubles import MEGABYTE, ZONES, error, estimate, timing
 def cost(once: float = 1.0, size: int = MEGABYTE, frame: float = 0.001) -> CostRecord:
     """Cost whose time before the first map is half bake, half preparation."""
     return CostRecord(
+        reads_maps=True,
         bake_seconds=once / 2,
         prepare_seconds=once / 2,
         compile_seconds=0.5,
