@@ -12,6 +12,8 @@ import pytest
 import rsibr
 from rsibr.errors import InputError
 from rsibr.geometry.frame import unit_view
+from rsibr.methods.method_set import MethodSet
+from rsibr.methods.reconstruction import run
 from rsibr.methods.registry import registration
 from rsibr.store.bake import open_bake
 from rsibr.studies.compare.document import CompareDocument, compare_schema
@@ -34,7 +36,7 @@ def tables(sky, **changes):
     base = {
         "environment": {"file": str(sky)},
         "material": {"preset": "matte-lambert"},
-        "map": {"resolution": 16},
+        "map": {"resolution": 12},
         "sampling": {"samples": 16},
     }
     return {
@@ -191,6 +193,15 @@ def test_external_maps_of_reconstruct_score_as_the_method_itself(small, asymmetr
             assert theirs.error == ours.error
         assert theirs.error.rel_mse.value == pytest.approx(ours.error.rel_mse.value, rel=1e-4)
         assert theirs.error.smape == pytest.approx(ours.error.smape, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_a_frame_in_the_header_turns_all_maps_alike(small, asymmetric_environment, tmp_path):
+    bake = next(bake for bake in map(open_bake, (small.out / "bakes").iterdir()) if bake.view_count == 12)
+    frame = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # along +X, with +Y to the right and +Z up
+    run(MethodSet(bake)["cabral1999"], frame, bake.resolution).write(tmp_path / "turned.exr")
+    found = labelled(compare([tables(asymmetric_environment)], out=small.out, external=[f"t={tmp_path}"]))
+    assert found["t"].error == found["cabral1999, 12 views"].error
 
 
 @pytest.mark.slow
