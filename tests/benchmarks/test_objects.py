@@ -52,7 +52,5 @@ def test_a_picture_by_each_method(benchmark, tmp_path, capsule, material):
         pixels = one.picture.counts.hits / RAYS
         traced, ours = 1e9 * one.path_tracing_seconds / pixels, RAYS * nanoseconds[name]
         told = f"{nanoseconds[name]:.0f} ns a hit, relMSE {one.open.whole.rel_mse}"
-        times = (
-            f"{RAYS} rays {ours / 1e3:.1f} µs, path-traced to that error {traced / 1e3:.0f}: {traced / ours:.0f}×"
-        )
+        times = f"{RAYS} rays {ours / 1e3:.1f} µs, path-traced to that error {traced / 1e3:.0f}: {traced / ours:.0f}×"
         print(f"\n{material}, {name}: {told}, {times}", end="")  # noqa: T201
