@@ -40,6 +40,9 @@ _COST_LABELS = {
 _LETTER = 0.022
 """Width of a letter in a band, as a share of the axis."""
 
+_MOST_NAMES = 9
+"""Names in a row of a legend."""
+
 _DECADES = 1.3
 """Length of an axis in decades up to which ticks between powers of ten are labelled."""
 
@@ -69,7 +72,7 @@ def headline(classes: Sequence[ClassRecord], colours: Mapping[str, str]) -> Figu
     panels[0].set(yticks=np.arange(len(classes)), yticklabels=names, ylim=(-0.6, len(classes) - 0.4))
     winning = {one.system for record in classes for rows in record.winners.values() for one in rows}
     handles = [Patch(color=colour, label=name) for name, colour in colours.items() if name in winning]
-    figure.legend(handles=handles, loc="outside lower center", ncols=max(1, min(len(handles), 8)), fontsize=9)
+    _legend(figure, handles)
     return figure
 
 
@@ -93,8 +96,15 @@ def fronts(record: ClassRecord, colours: Mapping[str, str]) -> Figure:
     panels[0].set_ylabel("relMSE")
     systems = list(dict.fromkeys(one.system for one in record.means))
     handles = [Patch(color=colours[name], label=name) for name in systems]
-    figure.legend(handles=handles, loc="outside lower center", ncols=max(1, min(len(handles), 8)), fontsize=8.5)
+    _legend(figure, handles)
     return figure
+
+
+def _legend(figure: Figure, handles: Sequence[Patch]) -> None:
+    """Name the systems below the panels, in rows of about equal length."""
+    rows = -(-len(handles) // _MOST_NAMES) or 1
+    columns = -(-len(handles) // rows) or 1
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, fontsize=8.5)
 
 
 def _label(axes: Axes, cost: str) -> None:
