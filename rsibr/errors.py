@@ -50,7 +50,7 @@ def printable(text: object) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Begin a remedy with the known name nearest to a misspelt one (`did you mean 'x'?`), or with nothing if none is near."""
+    """Begin a remedy with the known name nearest to a misspelt one; empty if none is near."""
     near = get_close_matches(name, list(known), 1)
     return f"did you mean '{near[0]}'? " if near else ""
 

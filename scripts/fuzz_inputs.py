@@ -23,6 +23,8 @@ from fuzz_panoramas import Panoramas
 
 from rsibr.cli import app as command_line
 from rsibr.errors import InputError
+from rsibr.geometry.projections.faces import FACES
+from rsibr.geometry.projections.projection import projection_names
 from rsibr.resources import scenes
 from rsibr.scene.config import Config, EnvironmentConfig, MaterialConfig, ViewsConfig, load_config, parse_config
 from rsibr.scene.environment import load_environment
@@ -116,16 +118,25 @@ KEYS = [
     "scale",
     "x",
 ]
-KEYS += ["rotation_deg", "subdivision", "resolution", "samples", "seed"]
+KEYS += ["faces", "projection", "rotation_deg", "subdivision", "resolution", "samples", "seed"]
 
 SOUND = {
-    "environment": {"rotation_deg": [0.0, -90.0, 1e9], "scale": [1.0, 1e-30, 5], "file": ["a.exr"]},
+    "environment": {
+        "rotation_deg": [0.0, -90.0, 1e9],
+        "scale": [1.0, 1e-30, 5],
+        "file": ["a.exr"],
+        "faces": ["sky_{face}.exr", dict.fromkeys(FACES, "sky.exr"), {"px": "a.exr"}],
+        "projection": ["cube", "polar", "sphere-map"],
+    },
     "material": {"warp": ["auto", "mirror", "normal"], "preset": list(PRESETS)},
     "views": {"subdivision": [0, 1, 5]},
     "map": {"resolution": [8, 4096]},
     "sampling": {"samples": [4, 2**24], "seed": [0, 2**63 - 1]},
 }
 """Values that a config takes, so that not every input is refused for the first thing in it."""
+
+PROJECTIONS = [*projection_names(), "cubes"]
+"""Projections that an environment file is said to have."""
 
 STRANGER = "stranger.rsibr"
 """Bake beside the small one, which `fuzz_bakes` alters."""
@@ -218,10 +229,14 @@ class Inputs:
         return lambda: load_viewpoints(ViewsConfig(file=path))
 
     def environment(self, rng: random.Random) -> Case:
-        """An EXR or HDR file, altered."""
+        """An EXR or HDR file, altered, in any projection or as all faces of a cube."""
         name = rng.choice(sorted(self._maps))
         path = self._file(name, _mutated(rng, self._maps[name]))
-        return lambda: load_environment(EnvironmentConfig(file=path))
+        projection = rng.choice([None, None, *PROJECTIONS])
+        if rng.random() < 0.1:
+            faces = dict.fromkeys(FACES, path)
+            return lambda: load_environment(EnvironmentConfig(faces=faces, projection=projection))
+        return lambda: load_environment(EnvironmentConfig(file=path, projection=projection))
 
     def emitter(self, rng: random.Random) -> Case:
         """An emitter as a table."""

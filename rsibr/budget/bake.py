@@ -16,6 +16,7 @@ from rsibr.budget.choose import choose
 from rsibr.budget.reached import reached_error
 from rsibr.errors import BakeError
 from rsibr.job_size import JobSize
+from rsibr.methods.registry import require_method_options
 from rsibr.planning.plan import Plan
 from rsibr.progress import Progress
 from rsibr.scene.config import Config, ConfigLike, config_of, parse_config
@@ -81,6 +82,7 @@ def bake(
     )
     with clock.counting() as begun:
         settings = config_of(config, overrides)
+        require_method_options(settings)
         if settings.budget is None:
             return run(settings)
         if not fresh and (found := finished_bake(settings, path)) is not None:
@@ -112,7 +114,9 @@ def planned(
 ) -> tuple[Plan, SamplingRecord | None, BudgetRecord | None]:
     """Plan, with the choices of a target error, a time budget, or a budget for the whole bake. Nothing is baked."""
     with clock.counting() as begun:
-        scene = Scene.prepare(config, overrides)
+        settings = config_of(config, overrides)
+        require_method_options(settings)
+        scene = Scene.prepare(settings)
         if scene.config.budget is None:
             return (*forecast(scene, begun), None)
         sized, record = choose(scene, begun)

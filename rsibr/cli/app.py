@@ -10,6 +10,7 @@ import typer
 
 from rsibr.cli.bake import bake
 from rsibr.cli.check import check
+from rsibr.cli.compare import compare
 from rsibr.cli.demo import demo
 from rsibr.cli.doctor import doctor
 from rsibr.cli.ending import run
@@ -28,7 +29,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (demo, doctor, plan, bake, check, reconstruct, render, validate, study):
+for command in (demo, doctor, plan, bake, check, reconstruct, render, validate, study, compare):
     app.command()(command)
 
 

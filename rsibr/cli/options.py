@@ -11,12 +11,10 @@ import typer
 
 from rsibr import machine
 from rsibr.errors import InputError
+from rsibr.picture_size import MOST_PIXELS
 
 _LONGEST_SHOWN = 100
 """Characters of an argument that an error repeats."""
-
-MOST_PIXELS = 16384
-"""Most pixels of a picture's side."""
 
 Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="Config file (TOML).", show_default=False)]
 BakePath = Annotated[Path, typer.Argument(metavar="BAKE", help="Directory of a bake.", show_default=False)]

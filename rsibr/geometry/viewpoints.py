@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr.errors import InputError
-from rsibr.geometry.cap_tree import CapTree
 from rsibr.geometry.to_device import to_device
+from rsibr.geometry.triangle_grid import TriangleGrid
 
 VIEW_COUNTS = (12, 42, 162, 642, 2562, 10242)
 """Number of vertices of each icosphere. They are nested: the vertices of one are the first ones of the next."""
@@ -61,14 +61,14 @@ class Viewpoints:
         return ViewSphere(
             directions=to_device(mi.Float, self.directions.astype(np.float32)),
             triangles=to_device(mi.UInt32, self.triangles.astype(np.uint32)),
-            tree=CapTree.build(self.directions[self.triangles]),
+            grid=TriangleGrid.build(self.directions[self.triangles]),
             count=dr.opaque(mi.UInt32, len(self)),
         )
 
     @property
-    def tree(self) -> CapTree:
-        """Hierarchy over the triangles for point location, on the device."""
-        return self.on_device.tree
+    def grid(self) -> TriangleGrid:
+        """Triangles by the cells of a grid, for point location, on the device."""
+        return self.on_device.grid
 
     def direction(self, index: mi.UInt32) -> mi.Vector3f:
         """See `ViewSphere.direction`."""
@@ -93,15 +93,15 @@ class ViewSphere:
         Unit directions, three floats each, flat.
     triangles : mi.UInt32
         Indices of the directions, three each, flat.
-    tree : CapTree
-        Hierarchy over the triangles for point location.
+    grid : TriangleGrid
+        Triangles by the cells of a grid, for point location.
     count : mi.UInt32
         Number of directions (opaque, so that all counts share one kernel).
     """
 
     directions: mi.Float
     triangles: mi.UInt32
-    tree: CapTree
+    grid: TriangleGrid
     count: mi.UInt32
 
     def direction(self, index: mi.UInt32) -> mi.Vector3f:
@@ -121,7 +121,7 @@ class ViewSphere:
         mi.Vector3u
             View indices. On an edge or at a vertex, those of any of the triangles that share it.
         """
-        return dr.gather(mi.Vector3u, self.triangles, self.tree.locate(v))
+        return dr.gather(mi.Vector3u, self.triangles, self.grid.locate(v))
 
     def nearest(self, v: mi.Vector3f) -> mi.UInt32:
         """Index of the stored view nearest to `v`; the first of several at the same distance.

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
+from rsibr.geometry.projections.latlong import MITSUBA
+from rsibr.geometry.projections.sphere_image import texel_directions, texel_solid_angles
 from rsibr.light.emitter_draws import SCOUT_SIDE, EmitterDraws
 from rsibr.light.harmonics import LMAX, band_power, coefficients, reduced
 
@@ -103,21 +105,11 @@ def probe_light(emitter: dict[str, Any], image: NDArray[np.float32] | None) -> L
     return _statistics(_without_losses(scene, _on_grid(scene)))
 
 
-def band_solid_angles(rows: int) -> NDArray[np.float64]:
-    """Solid angle [sr] of each row of a map whose first and last row lie on the poles; the sum is 4π."""
-    if rows == 1:
-        return np.array([4 * np.pi])
-    edges = np.clip((np.arange(rows + 1) - 0.5) / (rows - 1), 0, 1) * np.pi
-    return np.asarray(-2 * np.pi * np.diff(np.cos(edges)))
-
-
 def _statistics(image: NDArray[np.float32]) -> LightProbe:
     # Mean and variance over the sphere, by solid angle
     brightest = float(image.max(initial=0.0))
     smaller = reduced(image, _ROWS, _COLUMNS) if image.shape[0] > 4 * _ROWS else image.astype(np.float64)
-    weight = (
-        np.repeat(band_solid_angles(len(smaller))[:, None] / smaller.shape[1], smaller.shape[1], axis=1) / 4 / np.pi
-    )
+    weight = texel_solid_angles(MITSUBA, smaller.shape[:2])[0] / (4 * np.pi)
     mean = np.einsum("hw,hwc->c", weight, smaller)
     grey = smaller.mean(axis=2)
     level = float((weight * grey).sum())
@@ -170,12 +162,8 @@ def _on_grid(scene: mi.Scene) -> NDArray[np.float32]:
     environment = scene.environment()
     if environment is None:
         return np.zeros((_ROWS, _COLUMNS, 3), dtype=np.float32)
-    index = dr.arange(mi.UInt32, _ROWS * _COLUMNS)
-    polar = dr.pi / (_ROWS - 1) * (index // _COLUMNS)
-    azimuth = 2 * dr.pi / _COLUMNS * (index % _COLUMNS + 0.5)
-    sine, cosine = dr.sincos(polar)
     si = dr.zeros(mi.SurfaceInteraction3f, _ROWS * _COLUMNS)
-    si.wi = -mi.Vector3f(sine * dr.sin(azimuth), cosine, -sine * dr.cos(azimuth))
+    si.wi = -texel_directions(MITSUBA, (_ROWS, _COLUMNS))
     values = np.array(environment.eval(si), dtype=np.float32).reshape(3, -1).T
     return np.ascontiguousarray(np.broadcast_to(values, (_ROWS * _COLUMNS, 3))).reshape(_ROWS, _COLUMNS, 3)
 
@@ -186,14 +174,13 @@ def _without_losses(scene: mi.Scene, grid: NDArray[np.float32]) -> NDArray[np.fl
     drawn, weight = scene.sample_emitter_direction(dr.zeros(mi.Interaction3f, dr.width(u)), u, False)
     weights = np.array(weight, dtype=np.float64).reshape(3, -1)
     power = weights.mean(axis=1)
-    solid = np.repeat(band_solid_angles(_ROWS)[:, None] / _COLUMNS, _COLUMNS, axis=1)
+    solid = texel_solid_angles(MITSUBA, (_ROWS, _COLUMNS))[0]
     missing = power - np.einsum("hw,hwc->c", solid, grid)
     if scene.environment() is None or missing.sum() <= _MISSED * power.sum():
         return grid
     radiance = weights.sum(axis=0) * np.broadcast_to(np.array(drawn.pdf, dtype=np.float64), weights.shape[1])
-    x, y, z = np.array(drawn.d, dtype=np.float64).reshape(3, -1)[:, int(radiance.argmax())]
-    row = round(np.arccos(np.clip(y, -1, 1)) / np.pi * (_ROWS - 1))
-    column = int(np.arctan2(x, -z) / (2 * np.pi) * _COLUMNS) % _COLUMNS
+    brightest = mi.Vector3f(np.array(drawn.d, dtype=np.float32).reshape(3, -1)[:, [int(radiance.argmax())]])
+    texel = int(np.array(MITSUBA.texel_of(brightest, *MITSUBA.axes((_ROWS, _COLUMNS)))).item())
     whole = grid.copy()
-    whole[row, column] += np.maximum(missing, 0) / solid[row, column]
+    whole.reshape(-1, 3)[texel] += np.maximum(missing, 0) / solid.ravel()[texel]
     return whole

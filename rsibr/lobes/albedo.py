@@ -119,7 +119,15 @@ def _density(wi: mi.Vector3f, wo: mi.Vector3f) -> mi.Float:
     return dr.maximum(density, 1e-20)
 
 
-def over_disk(table: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean over the disk of a sphere map of a table by view angle, shape (NODES, …): ∫ 2 cos θ E d cos θ."""
-    squares = node_cosines() ** 2
+def over_disk(table: NDArray[np.float64], nodes: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    """Mean over the disk of a sphere map of a table by view angle: ∫ 2 cos θ E d cos θ.
+
+    Parameters
+    ----------
+    table : ndarray, shape (N, …)
+        Values by view angle.
+    nodes : ndarray, shape (N,), optional
+        Their cosines, ascending; by default `node_cosines`.
+    """
+    squares = (node_cosines() if nodes is None else nodes) ** 2
     return np.asarray(np.trapezoid(table, squares, axis=0) / (squares[-1] - squares[0]))

@@ -77,9 +77,10 @@ class MethodSet(Mapping[str, Method]):
         Parameters
         ----------
         name : str
-            Name of the method.
+            Name of the method; see `rsibr.methods.registry.registration`.
         **options
-            Keyword parameters of the method's factory; `Registration.options` lists them.
+            Keyword parameters of the method's factory; `Registration.options` lists them. They go before those of the
+            name, and these before those of the bake's config (`Config.methods`).
 
         Raises
         ------
@@ -90,15 +91,28 @@ class MethodSet(Mapping[str, Method]):
         require_served(found, self.inputs.bake)
         with backend.session(), self.inputs.watched() as shared:
             start = time.perf_counter()
-            made = found.make(self.inputs, **options)
+            made = found.make(self.inputs, **{**self._configured(found), **options})
             backend.synchronize()
             own = time.perf_counter() - start - shared.seconds_here
         if not options:
             made.name = name
-        bake, prepared = self.inputs.bake, own + shared.seconds_ever
         on_device = device_bytes([getattr(made, "__dict__", made), *self.inputs.made(shared.used)])
-        made.cost = Cost(bake.seconds, bake.bytes, prepared, on_device)
+        made.cost = Cost(*self._read(shared.used), own + shared.seconds_ever, on_device)
         return made
+
+    def _configured(self, method: Registration) -> dict[str, Any]:
+        """Options that the bake's config sets for a method, without those that its name fixes."""
+        tables = self.inputs.bake.manifest.config.get("methods") or {}
+        table = tables.get(method.alias_of or method.name, {}) if method.options else {}
+        method.require_options(table, f"{self.inputs.bake.path}: methods.{method.name}")
+        return {option: value for option, value in table.items() if option not in method.fixed}
+
+    def _read(self, used: set[str]) -> tuple[float, int]:
+        """Time [s] to render, and size on disk [bytes] of, the files of the bake behind the inputs that were used."""
+        bake, light = self.inputs.bake, self.inputs.bake.manifest.light
+        of_light = light.bytes if light is not None else 0
+        maps = (bake.seconds, bake.bytes - of_light) if "maps" in used else (0.0, 0)
+        return maps[0], maps[1] + (of_light if "light" in used else 0)
 
 
 def require_served(method: Registration, bake: StoredMaps) -> None:

@@ -28,7 +28,7 @@ class Cost:
     Attributes
     ----------
     bake_seconds : float
-        Wall time of the bake that the method reads [s].
+        Wall time of the bake's maps [s]; 0 for a method that reads none of them.
     bytes : int
         Size on disk of the files that the method reads [bytes].
     prepare_seconds : float

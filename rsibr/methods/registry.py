@@ -10,18 +10,21 @@ Modules below `rsibr/methods/` are found by import, methods of installed package
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from rsibr.errors import InputError, did_you_mean
+from rsibr.methods.address import code_at, is_address
+from rsibr.methods.method_name import parse_name
 from rsibr.methods.protocol import Method, Needs
 from rsibr.registered import import_all, keyword_options
 from rsibr.source_code import definition_digest, source_digest
 
 if TYPE_CHECKING:
+    from rsibr.scene.config import Config
     from rsibr.store.stored_maps import StoredMaps
 
 ENTRY_POINTS = "rsibr.methods"
@@ -54,7 +57,7 @@ class Registration:
     rank : int
         Position in tables, ascending.
     fixed : dict
-        Values of options of `alias_of`, for an alias.
+        Values of options of `alias_of`, for an alias and for a name with options.
     listed : bool
         Whether tables, `validate` and `method_names` list it; an unlisted method is available by name.
     alias_of : str
@@ -79,6 +82,27 @@ class Registration:
     def options(self) -> dict[str, Any]:
         """Keyword parameters of `make` with their defaults, such as `weights`, `mesh`, `lobe`."""
         return keyword_options(self.make)
+
+    def with_options(self, name: str, options: Mapping[str, Any]) -> Registration:
+        """Return the method `name`, which is this one with values of some options.
+
+        Raises
+        ------
+        InputError
+            If the method has no such option; the message suggests the nearest one and lists all.
+        """
+        self.require_options(options, f"method {name}")
+        make, fixed = partial(self.make, **options), {**self.fixed, **options}
+        origin = self.alias_of or self.name
+        return replace(self, name=name, make=make, role="plain", fixed=fixed, alias_of=origin, listed=False)
+
+    def require_options(self, options: Iterable[str], where: str) -> None:
+        """Raise an InputError that names the first of `options` that the method does not have."""
+        for option in options:
+            if option not in self.options:
+                known = f"there are: {', '.join(self.options)}" if self.options else "it has none"
+                fix = did_you_mean(option, self.options) + known
+                raise InputError(f"{self.alias_of or self.name} has no option '{option}'", where=where, fix=fix)
 
     def serves(self, bake: StoredMaps) -> bool:
         """Whether the bake has all parts that the method requires, and the method sees all of its light."""
@@ -168,16 +192,41 @@ def method_names() -> tuple[str, ...]:
 def registration(name: str) -> Registration:
     """Registration of the method `name`.
 
+    Parameters
+    ----------
+    name : str
+        Name of a registered method, or the address of one's own, `package.module:Class` (`rsibr.methods.address`); with
+        values of options if any, `NAME,OPTION=VALUE` (`rsibr.methods.method_name`).
+
     Raises
     ------
     InputError
-        If no method has this name; the message suggests the nearest one and lists all.
+        If no method has this name, or it has no such option; the message suggests the nearest one and lists all. If the
+        code at an address cannot be loaded.
     """
+    base, options = parse_name(name)
     known = registrations()
-    if name not in known:
+    if base not in known and not is_address(base):
         there = f"there are: {', '.join(method_names())}"
-        raise InputError(f"unknown method '{name}'", where="method", fix=did_you_mean(name, known) + there)
-    return known[name]
+        raise InputError(f"unknown method '{base}'", where="method", fix=did_you_mean(base, known) + there)
+    found = known[base] if base in known else _at(base)
+    return found.with_options(name, options) if options else found
+
+
+def require_method_options(config: Config) -> None:
+    """Raise an InputError if the config sets options that a method does not have (`Config.methods`)."""
+    for name, options in (config.methods or {}).items():
+        registration(name).require_options(options, f"methods.{name}")
+
+
+def _at(address: str) -> Registration:
+    """Registration of the method at an address: its own, if it is registered, otherwise what its class says."""
+    make = code_at(address)
+    for known in _REGISTERED.values():
+        if known.make is make:
+            return replace(known, name=address, role="plain", listed=False)
+    summary = (make.__doc__ or address).strip().splitlines()[0]
+    return Registration(address, summary, make, getattr(make, "needs", _NOTHING), listed=False)
 
 
 def available(bake: StoredMaps) -> tuple[str, ...]:

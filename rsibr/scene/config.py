@@ -17,12 +17,14 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    JsonValue,
     ValidationError,
     ValidationInfo,
     model_validator,
 )
 
 from rsibr.errors import InputError
+from rsibr.geometry.projections.faces import FACES
 from rsibr.regular_file import read_regular
 from rsibr.scene.auto import Auto, Between
 from rsibr.scene.config_errors import describe
@@ -76,10 +78,36 @@ def _plugin_value(name: str, value: Any, info: ValidationInfo) -> Any:
     return str(_absolute_path(value, info)) if name.rpartition(".")[2] == "filename" else value
 
 
+def _faces(value: Any, info: ValidationInfo) -> dict[str, Path]:
+    """Paths of the six faces, from a table or from one path with `{face}` in it."""
+    if isinstance(value, str):
+        if "{face}" not in value:
+            raise ValueError("should have {face} in it, which becomes px, nx, py, ny, pz, nz")
+        value = {face: value.replace("{face}", face) for face in FACES}
+    if not isinstance(value, Mapping):
+        raise ValueError("should be a table of the paths px, nx, py, ny, pz, nz, or one path with {face} in it")
+    unknown = [str(key) for key in value if key not in FACES]
+    missing = [face for face in FACES if face not in value]
+    if unknown or missing:
+        what = f"no face is called {', '.join(unknown)}" if unknown else f"{', '.join(missing)} missing"
+        raise ValueError(f"{what}: give px, nx, py, ny, pz, nz")
+    return {face: _face(face, value[face], info) for face in FACES}
+
+
+def _face(face: str, value: Any, info: ValidationInfo) -> Path:
+    try:
+        return _absolute_path(value, info)
+    except ValueError as error:
+        raise ValueError(f"{face} {error}") from None
+
+
 NESTED_TOO_DEEPLY = "is nested too deeply"
 
 FilePath = Annotated[Path, BeforeValidator(_absolute_path)]
 """Path, absolute once validated; relative paths start at the folder of the config."""
+
+FacePaths = Annotated[dict[str, Path], BeforeValidator(_faces)]
+"""Path of each face of a cube, as `FilePath`."""
 
 PluginTable = Annotated[dict[str, Any], BeforeValidator(_plugin)]
 """Mitsuba plugin as plain data: a `type`, and finite numbers, strings, booleans, lists and nested plugins."""
@@ -107,16 +135,21 @@ class _Section(BaseModel):
 
 
 class EnvironmentConfig(_Section):
-    """Distant environment: exactly one of `file` and `emitter`.
+    """Distant environment: exactly one of `file`, `faces` and `emitter`.
 
     Attributes
     ----------
     file : Path, optional
-        Latitude–longitude map, OpenEXR or Radiance HDR.
+        OpenEXR or Radiance HDR.
+    faces : dict of str to Path, optional
+        Files of the faces px, nx, py, ny, pz, nz of a cube; or one path with `{face}` in place of these.
+    projection : str, optional
+        Projection of `file` or `faces` (`rsibr.geometry.projections.projection.projection_names`); by default what the
+        header of the file states, or else "latlong", Mitsuba's; of faces, "cube".
     emitter : dict, optional
         Mitsuba emitter at infinity, as plain data.
     layer : str, optional
-        Layer, part or view of an OpenEXR `file` that holds several pictures.
+        Layer, part or view of OpenEXR files that hold several pictures.
     rotation_deg : float
         Rotation about +Y [°], counter-clockwise seen from above.
     scale : float
@@ -124,16 +157,20 @@ class EnvironmentConfig(_Section):
     """
 
     file: FilePath | None = None
+    faces: FacePaths | None = None
     emitter: PluginTable | None = None
+    projection: str | None = None
     layer: str | None = None
     rotation_deg: Finite = 0.0
     scale: Finite = Field(default=1.0, gt=0.0)
 
     @model_validator(mode="after")
     def _one_source(self) -> EnvironmentConfig:
-        self._require_exactly_one("file", "emitter")
-        if self.layer is not None and self.file is None:
+        self._require_exactly_one("file", "faces", "emitter")
+        if self.layer is not None and self.emitter is not None:
             raise ValueError("layer chooses a picture of a file: give file in place of emitter")
+        if self.projection is not None and self.emitter is not None:
+            raise ValueError("projection is that of a file: give file or faces in place of emitter")
         return self
 
 
@@ -345,7 +382,10 @@ class EffectsConfig(_Section):
 
 
 class Config(_Section):
-    """All settings of a bake. Made by `load_config` or `parse_config`."""
+    """All settings of a bake. Made by `load_config` or `parse_config`.
+
+    `methods` holds options of reconstruction methods, in a table for each method. They do not change what is baked.
+    """
 
     environment: EnvironmentConfig
     material: MaterialConfig
@@ -355,6 +395,7 @@ class Config(_Section):
     effects: EffectsConfig = EffectsConfig()
     budget: BudgetConfig | None = None
     plugins: PluginsConfig | None = None
+    methods: dict[str, dict[str, JsonValue]] | None = None
 
     @property
     def plugin_modules(self) -> tuple[str, ...]:

@@ -1,9 +1,10 @@
-"""Distant environment: a latitude–longitude map or any Mitsuba emitter at infinity, rotated and scaled."""
+"""Distant environment: a map in any projection or any Mitsuba emitter at infinity, rotated and scaled."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.scene.config import EnvironmentConfig
-from rsibr.scene.latlong import LatLong, read_latlong
+from rsibr.scene.latlong import LatLong, read_faces, read_latlong
 from rsibr.scene.orientation import rotated, turned
 from rsibr.scene.plugin import (
     canonical_json,
@@ -117,7 +118,7 @@ def load_environment(config: EnvironmentConfig) -> Environment:
     Parameters
     ----------
     config : EnvironmentConfig
-        A file, or a Mitsuba emitter; rotation about +Y [°] and scale.
+        A file, six faces, or a Mitsuba emitter; rotation about +Y [°] and scale.
 
     Raises
     ------
@@ -133,7 +134,7 @@ def load_environment(config: EnvironmentConfig) -> Environment:
     backend.use()
     untried = require_survival(config, _WHERE) if config.emitter is not None else ""
     environment = _read(config)
-    _check_emitter(environment, str(config.file) if config.file else _WHERE)
+    _check_emitter(environment, _source(config))
     warn_untried(untried)
     return environment
 
@@ -149,46 +150,79 @@ def environment_digest(config: EnvironmentConfig) -> str:
     return _read(config).digest
 
 
+def _source(config: EnvironmentConfig) -> str:
+    """What an error names."""
+    if config.faces is not None:
+        return "environment.faces"
+    return str(config.file) if config.file else _WHERE
+
+
 def _read(config: EnvironmentConfig) -> Environment:
-    plugin: dict[str, Any] = config.emitter or {"type": "envmap", "filename": str(config.file)}
-    name = config.file.stem if config.file else str(plugin["type"])
-    plugin = in_every_variant(rotated(plugin, config.rotation_deg, _WHERE), _WHERE)
-    if plugin["type"] == "envmap":
-        return _map(name, plugin, config.scale, config.layer)
-    return _plain(name, plugin, config.scale)
+    plugin = in_every_variant(rotated(config.emitter or {"type": "envmap"}, config.rotation_deg, _WHERE), _WHERE)
+    name = _name(config)
+    if plugin["type"] != "envmap":
+        return _plain(name, plugin, config.scale)
+    scale = config.scale
+    if config.emitter is not None:
+        config, scale = _of_envmap(plugin, config)
+    if config.faces is not None:
+        latlong = read_faces(config.faces, layer=config.layer, projection=config.projection or "cube")
+    else:
+        assert config.file is not None
+        latlong = read_latlong(config.file, layer=config.layer, projection=config.projection)
+    return _map(name, plugin, scale, latlong, _source(config))
 
 
-def _map(name: str, plugin: dict[str, Any], scale: float, layer: str | None) -> Environment:
+def _name(config: EnvironmentConfig) -> str:
+    """Stem of the file, what the stems of the faces begin with or their folder, or the emitter's type."""
+    if config.emitter is not None:
+        return str(config.emitter["type"])
+    if config.file is not None:
+        return config.file.stem
+    paths = list((config.faces or {}).values())
+    places = zip(*(path.stem for path in paths), strict=False)
+    common = "".join(letters[0] for letters in takewhile(lambda letters: len(set(letters)) == 1, places))
+    return common.rstrip("_-. ") or paths[0].parent.name or "cube"
+
+
+def _of_envmap(plugin: dict[str, Any], config: EnvironmentConfig) -> tuple[EnvironmentConfig, float]:
+    """Take the file and the scale out of an emitter of type envmap."""
     if "filename" not in plugin:
         raise InputError("an envmap needs the key filename", where=_WHERE, fix="or give environment.file")
     path = Path(plugin.pop("filename"))
     own_scale = plugin.pop("scale", 1.0)
     if isinstance(own_scale, bool) or not isinstance(own_scale, int | float) or own_scale <= 0.0:
         raise InputError(f"scale = {own_scale} should be a positive number", where=_WHERE)
-    latlong = read_latlong(path, layer=layer)
-    image = _usable(latlong, scale * own_scale, path)
+    return EnvironmentConfig(file=path), config.scale * own_scale
+
+
+def _map(name: str, plugin: dict[str, Any], scale: float, latlong: LatLong, where: str) -> Environment:
+    image = _usable(latlong, scale, where)
     if latlong.turn:
         plugin["to_world"] = turned(plugin.get("to_world"), latlong.turn)
     shape = "x".join(map(str, image.shape))
-    digest = content_digest(f"{canonical_json(plugin)} {shape}", data=image.astype("<f4").tobytes())
+    content, described = image, f"{canonical_json(plugin)} {shape}"
+    if latlong.sheets is not None:
+        content, described = latlong.sheets, f"{described} {latlong.projection} {latlong.sheets.shape} {scale!r}"
+    digest = content_digest(described, data=content.astype("<f4").tobytes())
     return Environment(name, digest, image, latlong.clipped, latlong.lowest, plugin, latlong.notes)
 
 
-def _usable(latlong: LatLong, scale: float, path: Path) -> NDArray[np.float32]:
+def _usable(latlong: LatLong, scale: float, where: str) -> NDArray[np.float32]:
     """Scale the image, and reject values that Mitsuba's sampling table cannot represent."""
     with np.errstate(over="ignore", under="ignore"):
         image: NDArray[np.float32] = latlong.image * np.float32(scale)
     total = float(image.sum(dtype=np.float64))
     if not total < BRIGHTEST_SUM:
         raise InputError(
-            f"its values sum up to {total:.3g}, more than {BRIGHTEST_SUM:.0e}", where=str(path), fix="lower the scale"
+            f"its values sum up to {total:.3g}, more than {BRIGHTEST_SUM:.0e}", where=where, fix="lower the scale"
         )
     if total < FAINTEST_SUM:
         return np.zeros_like(image)
     if len(image) > 1 and float(image[1:].sum(dtype=np.float64)) < FAINTEST_SUM:
         raise InputError(
             "only its first row has light: it lies on the pole, where Mitsuba cannot sample it",
-            where=str(path),
+            where=where,
             fix="use a map with more rows",
         )
     return image

@@ -1,7 +1,8 @@
-"""Latitude–longitude radiance maps from OpenEXR and Radiance HDR files, validated texel by texel."""
+"""Latitude–longitude radiance maps from OpenEXR and Radiance HDR files in any projection, validated texel by texel."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,9 +13,12 @@ from rsibr.errors import InputError
 from rsibr.scene.panorama.colour import to_rec709
 from rsibr.scene.panorama.exr import read_exr
 from rsibr.scene.panorama.exr_channels import KEY
-from rsibr.scene.panorama.layout import aspect_notes, from_cube, without_seam
+from rsibr.scene.panorama.faces import stacked_faces
+from rsibr.scene.panorama.layout import aspect_notes, without_seam
 from rsibr.scene.panorama.picture import Picture
 from rsibr.scene.panorama.radiance_hdr import read_radiance
+from rsibr.scene.panorama.resampled import KEY as PROJECTION_KEY
+from rsibr.scene.panorama.resampled import environment_projection, sheets_of, to_latlong
 from rsibr.scene.panorama.source import is_exr
 
 MAX_TEXELS = 2**30
@@ -38,6 +42,11 @@ class LatLong:
         Angle [rad] about +Y, by which the map is to be turned to lie as its file says: half a texel or 0.
     notes : tuple of str
         What was converted, cut off or left aside, and what looks odd; a sentence each.
+    sheets : ndarray (F, h, w, 3), float32, or None
+        Texels before they were converted from another projection. They identify the map: a conversion may differ from
+        machine to machine in its last bits.
+    projection : str
+        Projection of `sheets`.
     """
 
     image: NDArray[np.float32]
@@ -45,27 +54,38 @@ class LatLong:
     lowest: float
     turn: float = 0.0
     notes: tuple[str, ...] = ()
+    sheets: NDArray[np.float32] | None = None
+    projection: str = "latlong"
 
 
-def read_latlong(path: Path, most_texels: int = MAX_TEXELS, layer: str | None = None) -> LatLong:
-    """Read a latitude–longitude map, or a picture that its header describes and that can be converted to one.
+_STATED = {"latlong": "latlong-openexr", "cube": "cube-openexr"}
+"""Projection that OpenEXR's attribute `envmap` states."""
+
+
+def read_latlong(
+    path: Path, most_texels: int = MAX_TEXELS, layer: str | None = None, projection: str | None = None
+) -> LatLong:
+    """Read an environment, and convert it to a latitude–longitude map if it is none.
 
     Parameters
     ----------
     path : Path
         OpenEXR (half or float; RGB, XYZ or a single Y; any window, tiles or scan lines) or Radiance HDR (RGBE, any
-        order of its texels). Any aspect ratio.
+        order of its texels). Any aspect ratio, if it is of latitude and longitude.
     most_texels : int
         Texels at most.
     layer : str, optional
         Layer, part or view of an OpenEXR file with several pictures; see `rsibr.scene.panorama.exr_channels.choose`.
+    projection : str, optional
+        Name of the projection (`rsibr.geometry.projections.projection`); by default what the header states, or else
+        "latlong".
 
     Raises
     ------
     InputError
         If the file is missing, truncated, damaged or of another format, holds several pictures and none is chosen,
-        shows only a part of its panorama, states what cannot be obeyed, or contains NaN or Inf; the message names file,
-        texel and channel.
+        shows only a part of its panorama, states what cannot be obeyed, has not the shape of its projection, or
+        contains NaN or Inf; the message names file, texel and channel.
 
     Notes
     -----
@@ -75,27 +95,109 @@ def read_latlong(path: Path, most_texels: int = MAX_TEXELS, layer: str | None = 
     that shows the whole sphere.
     """
     path = Path(path)
+    picture, image, notes = _rec709(path, most_texels, layer)
+    stated = _STATED.get(picture.layout)
+    if projection is not None and stated not in (None, projection):
+        raise InputError(
+            f"its envmap attribute says {picture.layout}, and {PROJECTION_KEY} '{projection}'",
+            where=str(path),
+            fix=f"leave out {PROJECTION_KEY}",
+        )
+    image, clipped, lowest = _without_negatives(image)
+    name, turn = projection or stated or "latlong", 0.0
+    sheets = None
+    if name == "latlong-openexr":
+        image, turn = without_seam(image)
+        by = "environment.projection" if stated is None else "its envmap attribute"
+        notes += (f"{by} puts the first and the last column into one direction; obeyed",)
+    elif name != "latlong":
+        if stated == "cube-openexr":
+            _check_is_column(image, str(path))
+        image, sheets, note = _from_picture(image, name, most_texels, str(path))
+        notes += (note,)
+    elif projection is None:
+        notes += aspect_notes(*image.shape[:2])
+    return LatLong(image, clipped, lowest, turn, notes, sheets, name)
+
+
+def read_faces(
+    paths: Mapping[str, Path], most_texels: int = MAX_TEXELS, layer: str | None = None, projection: str = "cube"
+) -> LatLong:
+    """Read six faces of a cube, and convert them to a latitude–longitude map.
+
+    Parameters
+    ----------
+    paths : dict of str to Path
+        Files of the faces px, nx, py, ny, pz, nz; each as in `read_latlong`.
+    most_texels, layer
+        As in `read_latlong`.
+    projection : str
+        Orientation of the faces: a projection with six sheets, "cube" or "cube-openexr".
+
+    Raises
+    ------
+    InputError
+        As in `read_latlong`; or if faces differ in size, are not square, or state a panorama themselves.
+    """
+    of = environment_projection(projection)
+    if of.sheets != len(paths):
+        raise InputError(f"'{projection}' has no six faces", where=PROJECTION_KEY, fix="use cube or cube-openexr")
+    images: dict[str, NDArray[np.float32]] = {}
+    notes: list[str] = []
+    for face, path in paths.items():
+        picture, images[face], told = _rec709(path, most_texels, layer)
+        notes += [f"{face}: {note}" for note in told]
+        if picture.layout != "plain":
+            raise InputError(
+                f"its envmap attribute says {picture.layout}: it is no face of a cube",
+                where=str(path),
+                fix="give it as environment.file",
+            )
+    sheets, clipped, lowest = _without_negatives(stacked_faces(images, paths))
+    image = to_latlong(sheets, of, most_texels, str(paths["px"]))
+    notes.append(f"its six faces were converted to {_size(image)} texels of latitude and longitude")
+    return LatLong(image, clipped, lowest, 0.0, tuple(notes), sheets, of.name)
+
+
+def _from_picture(
+    image: NDArray[np.float32], name: str, most_texels: int, where: str
+) -> tuple[NDArray[np.float32], NDArray[np.float32], str]:
+    """Map, sheets and a note of a picture in a projection."""
+    of = environment_projection(name)
+    sheets, layout = sheets_of(image, of, where)
+    converted = to_latlong(sheets, of, most_texels, where)
+    what = "cube" if of.sheets == 6 else f"'{name}'"
+    kind = f" ({layout})" if of.sheets > 1 else ""
+    return converted, sheets, f"its {what} was converted to {_size(converted)} texels of latitude and longitude{kind}"
+
+
+def _without_negatives(image: NDArray[np.float32]) -> tuple[NDArray[np.float32], int, float]:
+    """Image with negative values set to 0, their number, and the lowest of them or 0."""
+    negative = image < 0.0
+    return np.where(negative, np.float32(0.0), image), int(negative.sum()), min(float(image.min()), 0.0)
+
+
+def _check_is_column(image: NDArray[np.float32], where: str) -> None:
+    """OpenEXR's cube has its faces one below the other, and no other layout."""
+    height, width = image.shape[:2]
+    if height != 6 * width:
+        raise InputError(
+            f"its envmap attribute says cube, but {width} × {height} texels are not six square faces",
+            where=where,
+            fix="save it with its faces +X, −X, +Y, −Y, +Z, −Z one below the other",
+        )
+
+
+def _size(image: NDArray[np.float32]) -> str:
+    return f"{image.shape[1]} × {image.shape[0]}"
+
+
+def _rec709(path: Path, most_texels: int, layer: str | None) -> tuple[Picture, NDArray[np.float32], tuple[str, ...]]:
+    """Picture of a file, its image in Rec.709, finite, and notes on both."""
     picture = _read(path, most_texels, layer)
     image, notes = to_rec709(picture, str(path))
     _check_finite(image, path)
-    turn = 0.0
-    if picture.layout == "latlong":
-        image, turn = without_seam(image)
-        notes += ("its envmap attribute puts the first and the last column into one direction; obeyed",)
-    elif picture.layout == "cube":
-        image = from_cube(image, most_texels, str(path))
-        notes += (f"its cube was converted to {image.shape[1]} × {image.shape[0]} texels of latitude and longitude",)
-    else:
-        notes += aspect_notes(*image.shape[:2])
-    negative = image < 0.0
-    lowest = float(image.min())
-    return LatLong(
-        image=np.where(negative, np.float32(0.0), image),
-        clipped=int(negative.sum()),
-        lowest=min(lowest, 0.0),
-        turn=turn,
-        notes=(*picture.notes, *notes),
-    )
+    return picture, image, (*picture.notes, *notes)
 
 
 def _read(path: Path, most_texels: int, layer: str | None) -> Picture:

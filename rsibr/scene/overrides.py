@@ -11,7 +11,7 @@ from typing import Any
 from rsibr.errors import InputError
 
 ALTERNATIVES: Mapping[str, tuple[str, ...]] = {
-    "environment": ("file", "emitter"),
+    "environment": ("file", "faces", "emitter"),
     "material": ("preset", "bsdf", "file"),
     "views": ("subdivision", "file"),
     "sampling": ("samples", "target_error", "time_budget_s"),

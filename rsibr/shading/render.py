@@ -25,7 +25,7 @@ from rsibr.shading.renderer import RAYS, ObjectRenderer, opened
 from rsibr.shading.scenes.lit_scene import require_one_light
 from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.scenes.scene_file import open_scene
-from rsibr.shading.surface_types import SurfaceTypes
+from rsibr.shading.surface_types import SurfaceTypes, lost_structure
 from rsibr.store.bake import Bake
 from rsibr.store.image_kind import image_kind
 
@@ -170,8 +170,8 @@ def render(
     rays : int
         Rays a pixel, 1 to 4096.
     lookup : str
-        How a surface takes its radiance from the method, one of `rsibr.shading.lookups.registry.lookups`; "auto": the
-        cheapest that the perspective allows.
+        How a surface takes its radiance from the method, one of `rsibr.shading.lookups.registry.lookups`, with values
+        of options if any, `NAME,OPTION=VALUE`; "auto": the cheapest that the perspective allows.
     occlusion : {"auto", "off", "on"}
         Whether the object hides the sky from itself; "auto" decides by the scene.
     strict : bool
@@ -268,6 +268,7 @@ def _by_shape(bakes: Bakes) -> dict[str, Bake | Path | str]:
 def _notes(scene: ObjectScene, bakes: Mapping[str, Bake], strict: bool) -> tuple[str, ...]:
     """Notes on shapes without a bake and on the light of the bakes; InputError for what cannot be shown."""
     types = SurfaceTypes.assign(scene, list(bakes))
+    lost = tuple(note for name in types.of_shape if (note := lost_structure(name, scene.shapes[name].bsdf())))
     refusal = unbaked_refusal(scene, types)
     if refusal is not None:
         if strict:
@@ -275,9 +276,9 @@ def _notes(scene: ObjectScene, bakes: Mapping[str, Bake], strict: bool) -> tuple
         require_one_light(bakes)
         bare = types.unbaked(scene)
         named = ", ".join(bare[:_NAMED]) + (f" and {len(bare) - _NAMED} more" if len(bare) > _NAMED else "")
-        return (f"path-traced, for want of a bake: {named}; they have no depth and no normals in the file",)
+        return (*lost, f"path-traced, for want of a bake: {named}; they have no depth and no normals in the file")
     try:
         require_one_light(bakes)
     except InputError as error:
-        return (error.what,)
-    return ()
+        return (*lost, error.what)
+    return lost

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +13,10 @@ import numpy as np
 
 from rsibr import backend
 from rsibr.errors import InputError
+from rsibr.methods.method_name import parse_name
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.registry import default_method
+from rsibr.planning.plan import number
 from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.effects.evidence import Evidence, SceneEvidence
 from rsibr.shading.effects.object_plan import ObjectPlan
@@ -46,8 +48,8 @@ class ObjectRenderer:
     method : str, optional
         Method of all bakes; by default that of `rsibr.reconstruct`.
     lookup : str
-        How a surface takes its radiance from the method, one of `rsibr.shading.lookups.registry.lookups`; "auto": the
-        cheapest that the perspective allows.
+        How a surface takes its radiance from the method, one of `rsibr.shading.lookups.registry.lookups`, with values
+        of options if any, `NAME,OPTION=VALUE`; "auto": the cheapest that the perspective allows.
     lookup_options : mapping, optional
         Options of the lookup by name, see `LookupRegistration.options`.
     occlusion : {"auto", "on", "off"}
@@ -78,9 +80,10 @@ class ObjectRenderer:
         environment_distance: float | None = None,
     ) -> None:
         start = time.perf_counter()
-        self.scene, self.bakes, self.lookup = scene, dict(bakes), lookup
+        self.lookup, named = parse_name(lookup, "lookup")
+        self.scene, self.bakes = scene, dict(bakes)
         self.switches = _switches(occlusion, effects or {})
-        self._options = {} if lookup == "auto" else lookup_named(lookup).checked(lookup_options or {})
+        self._options = _checked(self.lookup, {**named, **(lookup_options or {})})
         self.types = SurfaceTypes.assign(scene, list(bakes))
         sets = {path: MethodSet(bake) for path, bake in {bake.path: bake for bake in bakes.values()}.items()}
         self.methods = [sets[bake.path][method or default_method(bake)] for bake in bakes.values()]
@@ -141,7 +144,7 @@ class ObjectRenderer:
         backend.synchronize()
         seconds = time.perf_counter() - start - prepared
         self._plan = ObjectPlan.of(replace(evidence, counts=made.counts, silhouette_share=_partly_covered(made)))
-        notes = (*self.scene.notes, *self._plan.notes())
+        notes = (*self.scene.notes, *self._choice(plan), *self._plan.notes())
         return replace(made, seconds=seconds, prepare_seconds=self.prepare_seconds + prepared, notes=notes)
 
     def shades(self, camera: Camera, plan: ObjectPlan) -> list[Shade]:
@@ -161,11 +164,27 @@ class ObjectRenderer:
             self._lookups[name] = [lookup_named(name).make(one, self.scene, **options) for one in self.methods]
         return self._lookups[name]
 
+    def _choice(self, plan: ObjectPlan) -> Iterator[str]:
+        """Yield the lookup that "auto" stands for, with its reason."""
+        if self.lookup == "auto":
+            effect = plan["perspective"]
+            yield f"the lookup auto is {lookup_for(effect)} ({number(effect.evidence)} {effect.unit})"
+
     def _lookups_of(self, plan: ObjectPlan) -> list[Lookup]:
         return self.lookups_named(lookup_for(plan["perspective"], self.lookup))
 
     def _evidence_of(self, camera: Camera, rays: int) -> Evidence:
         return Evidence(self._evidence, camera, self.lookup, rays, self.switches)
+
+
+def _checked(lookup: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of a lookup; "auto" has none."""
+    if lookup != "auto":
+        return lookup_named(lookup).checked(options)
+    if options:
+        fix = "name the lookup that it is meant for"
+        raise InputError(f"no option '{min(options)}'", where="lookup 'auto'", fix=fix)
+    return {}
 
 
 def opened(bake: Bake | Path | str) -> Bake:

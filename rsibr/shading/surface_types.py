@@ -14,6 +14,9 @@ from rsibr.geometry.to_device import to_device
 from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surfaces import Surfaces
 
+_STRUCTURES = {"Mask[": "mask", "BumpMap[": "bump map", "NormalMap[": "normal map"}
+"""What changes a surface from place to place, by the head of its description; also where it is nested."""
+
 UNBAKED = 2**32 - 1
 """Type of a shape without a bake."""
 
@@ -77,6 +80,22 @@ class SurfaceTypes:
         """Type of each surface; `UNBAKED` where there is none, or no surface."""
         known = surfaces.hit & (surfaces.shape < self.size)
         return dr.select(known, dr.gather(mi.UInt32, self.table, surfaces.shape, known), UNBAKED)
+
+
+def lost_structure(name: str, bsdf: mi.BSDF | None) -> str:
+    """Note on what the BSDF of a shape adds to its surface, and a bake in its place does not; empty if nothing.
+
+    Parameters
+    ----------
+    name : str
+        Id of the shape.
+    bsdf : mi.BSDF or None
+        Its BSDF in the scene.
+    """
+    if bsdf is None:
+        return ""
+    kinds = [what for kind, what in _STRUCTURES.items() if kind in str(bsdf)]
+    return f"the {' and '.join(kinds)} of '{name}' {'are' if len(kinds) > 1 else 'is'} not used" if kinds else ""
 
 
 def _table(shapes: Mapping[str, mi.Shape], of_shape: Mapping[str, int]) -> mi.UInt32:

@@ -95,9 +95,9 @@ def headline(document: StudyDocument) -> Figure:
             right.errorbar(t, gain, yerr=bars, fmt="-o", color=colour, **options)
     _name_ends(left, document.doubling)
     _floor(left, min(scene.reference.noise_floor for scene in document.scenes))
-    _logarithmic(left)
+    logarithmic(left)
     left.set(ylabel="relMSE, mean over the scenes")
-    _logarithmic(right, "x")
+    logarithmic(right, "x")
     right.set(ylabel="twice the time divides the error by")
     right.axhline(1, color="#888888", linewidth=0.8)
     right.text(
@@ -106,7 +106,7 @@ def headline(document: StudyDocument) -> Figure:
     right.set_ylim(bottom=0.9)
     for axes in (left, right):
         axes.set_xlabel(f"time of the whole job, {document.judge.frames} pictures")
-        _count_in(axes, "s")
+        count_in(axes, "s")
     if document.doubling:
         left.legend(loc="best")
     return figure
@@ -128,9 +128,9 @@ def convergence(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
     alone = [point for point in scene.points if point.label not in curved and point.rel_mse > 0]
     for point in alone:
         axes.plot(point.bake.views_seconds.median, point.rel_mse, ".", color=colour_of(point.method), alpha=0.4)
-    _logarithmic(axes)
+    logarithmic(axes)
     axes.set(ylabel="relMSE", xlabel="rendering time: of the views of a bake, or of one path-traced picture")
-    _count_in(axes, "s")
+    count_in(axes, "s")
     if axes.get_legend_handles_labels()[0]:  # a black scene has nothing to name
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8.5)
     return figure
@@ -152,9 +152,9 @@ def fronts(scene: SceneRecord, analysis: SceneAnalysis) -> Figure:
                 axes.scatter(
                     *points, s=26, facecolors=face, edgecolors=colour_of(method), label=method if front else None
                 )
-        _logarithmic(axes)
+        logarithmic(axes)
         axes.set(xlabel=label)
-        _count_in(axes, unit)
+        count_in(axes, unit)
     figure.axes[0].set_ylabel("relMSE")
     figure.axes[-1].legend(loc="best", fontsize=8)
     return figure
@@ -177,7 +177,7 @@ def whereabouts(points: Sequence[PointRecord]) -> Figure:
     for number, lobe in enumerate(dict.fromkeys(name for point in points for name in point.lobes or ())):
         values = [point.lobes[lobe].value if point.lobes and lobe in point.lobes else None for point in points]
         _dots(zones, rows - 0.2, values, "|", _OTHERS[number % len(_OTHERS)], f"lobe {lobe}")
-    _logarithmic(zones, "x")
+    logarithmic(zones, "x")
     zones.set(xlabel="relMSE of the zone, or that the lobe makes")
     if any(point.rel_mse > 0 for point in points):
         zones.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8)
@@ -242,7 +242,7 @@ def _with_bars(axes: Axes, x: Sequence[float], estimates: Sequence[Any], colour:
     )
 
 
-def _logarithmic(axes: Axes, which: str = "xy") -> None:
+def logarithmic(axes: Axes, which: str = "xy") -> None:
     """Make axes logarithmic; axes without positive data, as of a black scene, or of one value get fixed limits."""
     for name, low, high in zip("xy", np.asarray(axes.dataLim.minpos), axes.dataLim.max, strict=True):
         if name in which:
@@ -253,7 +253,7 @@ def _logarithmic(axes: Axes, which: str = "xy") -> None:
             axes.set(**{f"{name}scale": "log"})
 
 
-def _count_in(axes: Axes, unit: str) -> None:
+def count_in(axes: Axes, unit: str) -> None:
     """Label the ticks of a logarithmic axis with units: 20 ms, 1 MB."""
     for place in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
         place(EngFormatter(unit))

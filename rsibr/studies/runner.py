@@ -192,7 +192,7 @@ class _Run:
             schema=1,
             name=self.settings.name,
             judge=_judge_record(self.settings, self.benches[0]),
-            machine=_machine_record(backend.use()),
+            machine=machine_record(backend.use()),
             expected_seconds=sum(step.expected_seconds for step in self._steps) + page_seconds,
             seconds=self._elapsed,
             steps=self._steps,
@@ -253,7 +253,8 @@ def _judge_record(settings: StudyConfig, bench: Bench) -> JudgeRecord:
     )
 
 
-def _machine_record(variant: str) -> MachineRecord:
+def machine_record(variant: str) -> MachineRecord:
+    """Record of this machine and of the versions in use."""
     packages = {name: version(name) for name in ("mitsuba", "drjit", "numpy")} | {"rsibr": __version__}
     return MachineRecord(
         variant=variant,

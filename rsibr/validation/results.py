@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.planning.plan import Plan
+from rsibr.validation.equal_error import path_tracing_seconds
 from rsibr.validation.estimate import Estimate, mean_estimate
 from rsibr.validation.eval_error import EvalError
 from rsibr.validation.flip import Exposures
@@ -273,13 +274,11 @@ class Validation:
         )
 
     def _path_tracing_seconds(self, error: Estimate) -> float:
-        """Time of the reference's path tracer to the same relMSE [s]; its relMSE is proportional to 1/samples."""
+        """See `path_tracing_seconds`; means over the views."""
         floor = float(np.mean([view.noise_floor for view in self.views]))
         samples = float(np.mean([view.reference.samples for view in self.views]))
         seconds = float(np.mean([view.reference.seconds for view in self.views]))
-        reached = error.ci95[1] if error.below_noise_floor else error.value
-        share = floor / reached if reached > 0 else 0.0
-        return seconds * max(share, 1.0 / samples)  # at least one sample a texel
+        return path_tracing_seconds(error, floor, samples, seconds)
 
 
 def break_even_views(once_seconds: float, path_tracing_seconds: float, reconstruct_seconds: float) -> int | None:

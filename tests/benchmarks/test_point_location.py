@@ -1,4 +1,4 @@
-"""In which triangle of the viewpoints a direction lies: our tree of caps against SciPy's tree of points, in one run."""
+"""In which triangle of the viewpoints a direction lies: our grid against SciPy's tree of points, in one run."""
 
 import drjit as dr
 import mitsuba as mi
@@ -41,7 +41,7 @@ def test_point_location(benchmark, rng, subdivision):
 
 
 def _check_that_the_corners_surround(sphere, rows, views):
-    """Each direction lies on the inner side of its triangle's three sides: computed without the tree."""
+    """Each direction lies on the inner side of its triangle's three sides: computed without the grid."""
     corners = views.directions[np.array(sphere.surrounding(mi.Vector3f(vector(rows)))).T]
     sides = np.einsum("nki,ni->nk", np.cross(corners, np.roll(corners, -1, axis=1)), rows)
     orientation = np.sign(np.linalg.det(corners))[:, None]

@@ -68,7 +68,7 @@ def test_filename_inside_a_plugin_starts_at_the_config():
         ({"views": {"subdivision": 6}}, ["views.subdivision = 6", "5"]),
         ({"views": {"subdivision": 1, "file": "v.json"}}, ["views", "subdivision or file"]),
         ({"map": 3}, ["map should be a table"]),
-        ({"environment": {}}, ["environment", "exactly one of file, emitter", "none"]),
+        ({"environment": {}}, ["environment", "exactly one of file, faces, emitter", "none"]),
         ({"environment": {"file": "a", "emitter": {"type": "constant"}}}, ["given: file, emitter"]),
         ({"environment": {"file": 3}}, ["environment.file = 3", "path"]),
         ({"environment": {"file": "a", "scale": 0.0}}, ["environment.scale = 0.0", "greater than 0"]),

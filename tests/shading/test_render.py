@@ -82,6 +82,29 @@ def test_bakes_under_different_light_are_noted(paint, tmp_path):
         rsibr.render(scene, {"left": paint, "right": lit}, resolution=8, rays=1)
 
 
+def test_what_a_lookup_stands_for_and_what_a_bake_loses_is_said(paint):
+    coat = {
+        "type": "mask",
+        "opacity": 0.5,
+        "n": {"type": "bumpmap", "t": {"type": "checkerboard"}, "n": {"type": "diffuse"}},
+    }
+    scene = ObjectScene("leaf", {"leaf": mi.load_dict({"type": "sphere", "bsdf": coat})})
+    made = rsibr.render(scene, paint, resolution=8, rays=1, lookup="auto", **PLAIN)
+    assert "the mask and bump map of 'leaf' are not used" in made.notes
+    assert any(note.startswith("the lookup auto is pixel (") for note in made.notes)
+    assert not any("auto" in note for note in rsibr.render(scene, paint, resolution=8, rays=1, **PLAIN).notes)
+
+
+def test_options_of_a_lookup_follow_its_name(paint):
+    settings = {"resolution": 8, "rays": 1, **PLAIN}
+    rsibr.render("sphere", paint, lookup="map-normal,filter=mip", **settings)
+    for lookup, said in (("map-normal,filtr=mip", "no option 'filtr'"), ("map-normal,filter=x", "unknown filter 'x'")):
+        with pytest.raises(InputError, match=said):
+            rsibr.render("sphere", paint, lookup=lookup, **settings)
+    with pytest.raises(InputError, match="no option 'filter'"):
+        rsibr.render("sphere", paint, lookup="auto,filter=mip", **settings)
+
+
 def test_a_picture_of_nothing_and_one_from_inside_are_refused(paint, tmp_path):
     settings = {"resolution": 8, "rays": 1, "out": tmp_path / "a.exr", **PLAIN}
     with pytest.raises(InputError, match="no ray meets 'sphere': it is behind the camera"):

@@ -13,7 +13,7 @@ def test_values_that_differ_by_rounding_or_not_at_all_are_drawn(values):
     figure = Figure(layout="constrained")
     axes = figure.subplots()
     axes.plot([1.0, 2.0], values)
-    figures._logarithmic(axes)
+    figures.logarithmic(axes)
     low, high = axes.get_ylim()
     assert high / low > 5
     assert figures.svg_uri(figure).startswith("data:image/svg+xml")  # warnings are errors

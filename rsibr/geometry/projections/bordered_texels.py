@@ -55,7 +55,9 @@ class BorderedTexels:
     def lookup(self, sheet: mi.UInt32, p: mi.Point2f) -> mi.Vector4f:
         """Interpolate bilinearly at points p in [0, 1]² of sheets."""
         cell = BilinearCell.at(dr.fma(p.x, self.scale.x, self.shift.x), dr.fma(p.y, self.scale.y, self.shift.y))
-        corner = dr.fma(sheet, self.stride * self.height, cell.corner(self.stride))
+        # NaN becomes an index beyond the texels, where a read ends the process
+        left, top = dr.minimum(cell.left, self.stride - 2), dr.minimum(cell.top, self.height - 2)
+        corner = dr.fma(sheet, self.stride * self.height, dr.fma(top, self.stride, left))
         upper = dr.lerp(self._texel(corner), self._texel(corner + 1), cell.rightward)
         below = corner + self.stride
         lower = dr.lerp(self._texel(below), self._texel(below + 1), cell.rightward)

@@ -1,7 +1,7 @@
 """Cube projections: perspective projection onto six square faces.
 
-Faces are px, nx, py, ny, pz, nz, as in OpenGL, KTX and DDS: with X right and Y up in a face, px is (1, Y, −X),
-nx (−1, Y, X), py (X, 1, −Y), ny (X, −1, Y), pz (X, Y, 1), nz (−X, Y, −1).
+The faces (`rsibr.geometry.projections.faces`) are those of OpenGL, KTX and DDS: with X right and Y up in a face, px is
+(1, Y, −X), nx (−1, Y, X), py (X, 1, −Y), ny (X, −1, Y), pz (X, Y, 1), nz (−X, Y, −1).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from rsibr.geometry.projections.projection import Place, Projection, register
 from rsibr.geometry.projections.texel_axis import TexelAxis
 
-FACES = ("px", "nx", "py", "ny", "pz", "nz")
-"""Names of the faces in the order of the sheets."""
+DENSITY = 2
+"""Texels of a latitude–longitude image made from a cube for each texel amid a face, along a side."""
 
 _RIGHT = ((0, 0, -1), (0, 0, 1), (1, 0, 0), (1, 0, 0), (1, 0, 0), (-1, 0, 0))
 _UP = ((0, 1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1), (0, 1, 0), (0, 1, 0))
@@ -70,6 +70,14 @@ class Cube(Projection):
         nearness = dr.rsqrt(1 + dr.square(2 * p.x - 1) + dr.square(2 * p.y - 1))
         return 4 * nearness * nearness * nearness
 
+    def latlong_size(self, height: int, width: int) -> tuple[int, int]:  # noqa: ARG002
+        """As in `Projection`: texels half as wide as those amid a face, (4N+1, 8N) for N² texels a face.
+
+        With centres on the edges N−1 takes the place of N.
+        """
+        steps = max(height - 1, 1) if self.rows_on_edges else height
+        return 2 * DENSITY * steps + 1, 4 * DENSITY * steps
+
     def solid_angles(self, columns: TexelAxis, rows: TexelAxis) -> NDArray[np.float64]:
         """Exact solid angles: differences of arctan(uv/√(1+u²+v²)), that of a rectangle from the face's centre."""
         u, v = np.meshgrid(2 * columns.edges() - 1, 2 * rows.edges() - 1)
@@ -78,7 +86,12 @@ class Cube(Projection):
         return np.repeat(face[None], 6, axis=0)
 
     def bordered(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """As in `Projection`; at a corner of the cube, where three faces meet, the mean of their three texels."""
+        """As in `Projection`; at a corner of the cube, where three faces meet, the mean of their three texels.
+
+        A face of one texel with its centre on the edges is constant.
+        """
+        if self.rows_on_edges and values.shape[1] == 1:
+            return np.pad(values, ((0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")
         framed = super().bordered(values)
         for row, inner_row in ((0, 1), (-1, -2)):
             for column, inner_column in ((0, 1), (-1, -2)):

@@ -29,6 +29,8 @@ class Disks(Projection):
     opposite.
     """
 
+    share = np.pi / 4
+
     @abstractmethod
     def cosine(self, r2: mi.Float) -> mi.Float:
         """Cosine of θ at a squared radius in [0, 1]."""
@@ -63,7 +65,10 @@ class Disks(Projection):
 
     def place(self, d: mi.Vector3f) -> Place:  # noqa: D102
         back = (d.z < 0) & (self.sheets == 2)
-        q = self.disk(mi.Vector3f(d.x, d.y, dr.select(back, -d.z, d.z)))
+        z = dr.select(back, -d.z, d.z)
+        q = self.disk(mi.Vector3f(d.x, d.y, z))
+        # −Z, which is the whole rim of a ball: rounding must not throw it into the middle
+        q = dr.select((z < 0) & (dr.squared_norm(q) < 0.2), mi.Point2f(1, 0), q)
         return dr.select(back, mi.UInt32(1), mi.UInt32(0)), mi.Point2f(0.5 + 0.5 * q.x, 0.5 - 0.5 * q.y)
 
     def density(self, sheet: mi.UInt32, p: mi.Point2f) -> mi.Float:  # noqa: D102, ARG002
@@ -83,14 +88,17 @@ class Disks(Projection):
         may have a square root.
         """
         inside = np.minimum(t, np.sqrt(np.maximum(1 - h * h, 0)))
-        node, weight = np.polynomial.legendre.leggauss(_NODES)
-        s = 0.5 + 0.5 * node
-        y = inside[..., None] * (s * (2 - s))
-        r2 = np.clip(h[..., None] ** 2 + y * y, 1e-300, 1)
-        cap = 1 - np.array(self.cosine(mi.Float64(r2.ravel()))).reshape(r2.shape)
-        within = inside * ((cap / r2) @ (weight * (1 - s)))
-        whole = 1 - np.array(self.cosine(mi.Float64(1.0))).item()
-        return np.asarray(h * within + whole * (np.arctan2(t, h) - np.arctan2(inside, h)))
+        within = np.zeros_like(inside)
+        for node, weight in zip(*np.polynomial.legendre.leggauss(_NODES), strict=True):
+            s = 0.5 + 0.5 * node
+            r2 = np.clip(h * h + (inside * s * (2 - s)) ** 2, 1e-300, 1)
+            within += (1 - s) * weight * self._cap(r2) / r2
+        whole = float(self._cap(np.ones(1))[0])
+        return np.asarray(h * inside * within + whole * (np.arctan2(t, h) - np.arctan2(inside, h)))
+
+    def _cap(self, r2: NDArray[np.float64]) -> NDArray[np.float64]:
+        """1 − cos θ at a squared radius."""
+        return 1 - np.array(self.cosine(mi.Float64(r2.ravel()))).reshape(r2.shape)
 
     def bordered(self, values: NDArray[np.float32]) -> NDArray[np.float32]:  # noqa: D102
         columns, rows = self.axes(values.shape[1:3])

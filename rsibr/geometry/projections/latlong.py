@@ -31,6 +31,7 @@ class LatLong(Projection):
     """
 
     aspect = 2.0
+    is_square = False
 
     def __init__(
         self, name: str, start: str, quarter: str, *, columns_on_edges: bool = False, rows_on_edges: bool = False
@@ -57,16 +58,33 @@ class LatLong(Projection):
     def density(self, sheet: mi.UInt32, p: mi.Point2f) -> mi.Float:  # noqa: D102, ARG002
         return 2 * dr.square(dr.pi) * dr.abs(dr.sin(dr.pi * p.y)) + 0 * p.x
 
+    def latlong_size(self, height: int, width: int) -> tuple[int, int]:
+        """As in `Projection`: a size at which every texel centre of the sheet is one of the image: nothing is lost.
+
+        Except where the columns are no multiple of 4, by which the quarters of the longitude would fall on centres.
+        """
+        exact = not self.columns_on_edges and width % 4 == 0
+        return height if self.rows_on_edges else 2 * height + 1, width if exact else 2 * width
+
     def solid_angles(self, columns: TexelAxis, rows: TexelAxis) -> NDArray[np.float64]:  # noqa: D102
         heights = -np.diff(np.cos(np.pi * rows.edges()))
         return np.asarray(np.outer(heights, 2 * np.pi * np.diff(columns.edges()))[None])
 
 
 MITSUBA = register(LatLong("latlong", "-z", "+x", rows_on_edges=True))
-"""Mitsuba's `envmap`: −Z, +X, +Z, −X; rows at j/(H−1), so that the first and last lie on the poles."""
+"""Mitsuba's `envmap`: −Z, +X, +Z, −X at p_x = 0, ¼, ½, ¾; the first and last row lie on the poles, at j/(H−1)."""
 
 OPENEXR = register(LatLong("latlong-openexr", "-z", "+x", columns_on_edges=True, rows_on_edges=True))
 """OpenEXR's attribute `envmap = latlong`: as Mitsuba's, but the first and the last column both show −Z."""
 
+FILAMENT = register(LatLong("latlong-filament", "-z", "-x"))
+"""Filament's `cmgen --no-mirror`, cmft, PlayCanvas: −Z, −X, +Z, +X, mirrored as seen from inside."""
+
+DEBEVEC = register(LatLong("latlong-debevec", "+z", "-x"))
+"""Debevec's light probe gallery: +Z, −X, −Z, +X, so that −Z is in the middle and +X right of it."""
+
+THREE = register(LatLong("latlong-three", "-x", "-z"))
+"""three.js, glTF viewers, Blender after its change to +Y up: −X, −Z, +X, +Z, so that +X is in the middle."""
+
 POLAR = register(LatLong("polar", "+z", "+x"))
-"""Miller & Hoffman (1984), section 4.3: u = arctan(x, z), v = arccos y; texels centred."""
+"""Miller & Hoffman (1984), section 4.3: u = arctan(x, z), v = arccos y; +Z, +X, −Z, −X; texels centred."""

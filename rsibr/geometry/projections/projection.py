@@ -1,11 +1,12 @@
 """Projections of the sphere of directions onto images, found by name.
 
-A projection maps unit directions to points of one or several *sheets*, square or not: six faces of a cube, two disks, one
+A projection maps unit directions to points of one or several *sheets*: six faces of a cube, two disks, one
 latitude–longitude picture. Every module of this package may register projections; no list of them stands elsewhere.
 """
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from functools import cache
 from typing import TypeVar
@@ -40,6 +41,10 @@ class Projection(ABC):
         Usual ratio of columns to rows of a sheet.
     columns_on_edges, rows_on_edges : bool
         Whether the outer texel centres lie on the sheet's edges; see `TexelAxis`.
+    is_square : bool
+        Whether sheets have as many columns as rows.
+    share : float
+        Share of a sheet's area that shows directions.
     covers_sphere : bool
         Whether every direction has a place. If not, directions without one get the nearest place.
     """
@@ -49,6 +54,8 @@ class Projection(ABC):
     aspect: float = 1.0
     columns_on_edges: bool = False
     rows_on_edges: bool = False
+    is_square: bool = True
+    share: float = 1.0
     covers_sphere: bool = True
 
     @abstractmethod
@@ -85,6 +92,15 @@ class Projection(ABC):
         """
         height, width = (size, max(round(size * self.aspect), 1)) if isinstance(size, int) else size
         return TexelAxis(width, self.columns_on_edges), TexelAxis(height, self.rows_on_edges)
+
+    def latlong_size(self, height: int, width: int) -> tuple[int, int]:
+        """Rows and columns of a latitude–longitude image (Mitsuba's) that holds the detail of sheets of H × W texels.
+
+        At its equator, texels are at most half as wide as those of the sheets on average.
+        """
+        mean = math.sqrt(4 * math.pi / (self.sheets * height * width * self.share))
+        steps = 2 * math.ceil(math.pi / mean)
+        return steps + 1, 2 * steps
 
     def bordered(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Add a border of one texel to each sheet, taken from across its edges, so that lookups have no seam.

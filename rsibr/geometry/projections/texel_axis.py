@@ -40,8 +40,8 @@ class TexelAxis:
 
         Examples
         --------
-        >>> TexelAxis(3, on_edges=True).edges()
-        array([0.  , 0.25, 0.75, 1.  ])
+        >>> TexelAxis(3, on_edges=True).edges().tolist()
+        [0.0, 0.25, 0.75, 1.0]
         """
         return np.clip((np.arange(self.count + 1) - 0.5 + self.first) / self.scale, 0.0, 1.0)
 

@@ -20,7 +20,7 @@ from rsibr.light.radiance import Light
 from rsibr.lobes.basis import LAMBERT, coated_ggx, ggx, lambert
 from rsibr.lobes.proxy_ratio import NODES, glossy_place, matte_place
 from rsibr.methods.rsibr.anisotropic_footprint import ShadingFrame
-from rsibr.methods.rsibr.texel_mean import texel_mean
+from rsibr.methods.texel_mean import texel_mean
 from rsibr.store.manifest import LobeRecord
 
 _DENSITY = 4.0  # sample points of a texel over its width in widths of the highlight there

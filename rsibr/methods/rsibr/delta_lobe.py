@@ -14,8 +14,8 @@ from rsibr.light.latlong_texture import LatLongTexture
 from rsibr.light.radiance import Light
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.cosine_table import CosineTable
-from rsibr.methods.rsibr.lobe_terms import Lobe, albedo_at_nodes
-from rsibr.methods.rsibr.texel_mean import sides, texel_mean
+from rsibr.methods.lobe_terms import Lobe, albedo_at_nodes
+from rsibr.methods.texel_mean import sides, texel_mean
 
 EXACT = 3.0
 """Sample points per environment texel and side, head-on, where no residual corrects the result."""

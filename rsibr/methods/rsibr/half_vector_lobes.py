@@ -14,17 +14,17 @@ from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.cosine_table import CosineTable
+from rsibr.methods.lobe_terms import Lobe, LobeTerms
 from rsibr.methods.rsibr.anisotropic_footprint import LookUp, ShadingFrame
 from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe, mirror_of
 from rsibr.methods.rsibr.half_vector_map import half_vector_point
 from rsibr.methods.rsibr.half_vector_pyramid import HalfVectorPyramid, balance, balanced, lookup
-from rsibr.methods.rsibr.lobe_terms import Lobe, LobeTerms
 from rsibr.methods.rsibr.lobe_weights import lobe_weights
 from rsibr.methods.rsibr.matte_light import MatteLight
 from rsibr.methods.rsibr.narrow_gaussians import NarrowGaussians
 from rsibr.methods.rsibr.polar_grid import PolarGrid
-from rsibr.methods.rsibr.texel_mean import radial_mean
 from rsibr.methods.rsibr.wide_light import POINTS, WideLight
+from rsibr.methods.texel_mean import radial_mean
 
 MapTables = tuple["mi.Float | None", "PolarGrid | None"]
 """What is gathered once a map: the collapsed half-vector pyramid, and the light of the wide Gaussians."""

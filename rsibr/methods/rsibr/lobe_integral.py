@@ -20,10 +20,10 @@ from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.cosine_table import CosineTable
+from rsibr.methods.lobe_terms import Lobe, LobeTerms
 from rsibr.methods.rsibr.anisotropic_footprint import ShadingFrame
 from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe, mirror_of
 from rsibr.methods.rsibr.half_vector_pyramid import HalfVectorPyramid
-from rsibr.methods.rsibr.lobe_terms import Lobe, LobeTerms
 from rsibr.methods.rsibr.matte_light import MatteLight
 from rsibr.methods.rsibr.narrow_gaussians import NarrowGaussians
 from rsibr.methods.rsibr.polar_grid import PolarGrid

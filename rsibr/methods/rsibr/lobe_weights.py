@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.lobes.facet_moments import NODES, cosines
+from rsibr.methods.lobe_terms import GaussianTerm
 from rsibr.methods.rsibr.half_vector_pyramid import LADDER, level_variances, texel_angle
-from rsibr.methods.rsibr.lobe_terms import GaussianTerm
 
 Array = NDArray[np.float64]
 

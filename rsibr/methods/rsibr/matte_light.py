@@ -10,7 +10,7 @@ import mitsuba as mi
 from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.methods.cosine_table import CosineTable
-from rsibr.methods.rsibr.lobe_terms import MatteTerm
+from rsibr.methods.lobe_terms import MatteTerm
 
 
 @dataclass(eq=False)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from rsibr.geometry.to_device import to_device
 from rsibr.lobes.facet_moments import NODES
+from rsibr.methods.lobe_terms import GaussianTerm
 from rsibr.methods.rsibr.anisotropic_footprint import AnisotropicFootprint, LookUp, ShadingFrame, tap_spreads
-from rsibr.methods.rsibr.lobe_terms import GaussianTerm
 from rsibr.methods.rsibr.microfacet_reflection import reflected
 
 Array = NDArray[np.float64]

@@ -10,12 +10,12 @@ import mitsuba as mi
 from rsibr import backend
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.inputs import MethodInputs
+from rsibr.methods.lobe_terms import Lobe
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
 from rsibr.methods.rsibr.belief import Belief, Image, StoredView, judged, learnt
 from rsibr.methods.rsibr.half_vector_lobes import FAST, Fidelity, HalfVectorLobes, LobesOfMaps, MapTables
 from rsibr.methods.rsibr.lobe_integral import LobeIntegral
-from rsibr.methods.rsibr.lobe_terms import Lobe
 from rsibr.methods.rsibr.residual_method import ResidualMethod, ResidualOptions, residual_method
 from rsibr.methods.rsibr.rsibr_points import RsibrPoints
 

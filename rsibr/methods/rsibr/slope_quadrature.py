@@ -17,8 +17,8 @@ from rsibr.lobes.basis import COAT_IOR
 from rsibr.lobes.facet_moments import NODES, cosines
 from rsibr.lobes.microfacet import schlick
 from rsibr.lobes.visible_facets import seen_bare, seen_coated, under_coat
+from rsibr.methods.lobe_terms import GaussianTerm, resampled
 from rsibr.methods.rsibr.half_vector_pyramid import lookup_variances, texel_angle
-from rsibr.methods.rsibr.lobe_terms import GaussianTerm, resampled
 from rsibr.methods.rsibr.polar_grid import RINGS
 
 Array = NDArray[np.float64]

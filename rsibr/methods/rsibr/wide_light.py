@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from rsibr.geometry.to_device import to_device
 from rsibr.methods.cosine_table import CosineTable
+from rsibr.methods.lobe_terms import GaussianTerm
 from rsibr.methods.rsibr.half_vector_pyramid import RESOLUTION, HalfVectorPyramid, level_places
-from rsibr.methods.rsibr.lobe_terms import GaussianTerm
 from rsibr.methods.rsibr.polar_grid import NODES, SECTORS, PolarGrid
 from rsibr.methods.rsibr.slope_quadrature import SlopeQuadrature
 

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr.errors import InputError, did_you_mean
+from rsibr.picture_size import MOST_PIXELS
 from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.cameras.fitted_camera import THREE_QUARTER, fitted_camera
 from rsibr.shading.scenes.object_scene import ObjectScene
 
 SIDE = 512
 """Pixels a side where neither the user nor the scene says."""
-MOST_PIXELS = 16384
-"""Most pixels a side."""
 FOV_DEG = 30.0
 """Horizontal field of view by default [degrees]."""
 
@@ -28,6 +27,7 @@ def chosen_camera(
     scene: ObjectScene,
     camera: Camera | Mapping[str, Any] | None = None,
     resolution: int | tuple[int, int] | None = None,
+    side: int = SIDE,
 ) -> Camera:
     """Camera of a picture.
 
@@ -41,7 +41,9 @@ def chosen_camera(
         `fov_deg` alone it is the scene's camera with this field of view. By default the scene's camera, else one that
         sees the whole object.
     resolution : int or (int, int), optional
-        Pixels a side, or width and height; by default the camera's, or 512.
+        Pixels a side, or width and height; by default the camera's.
+    side : int
+        Pixels a side where neither `resolution` nor a camera says.
 
     Raises
     ------
@@ -56,7 +58,7 @@ def chosen_camera(
     if scene.camera is not None and not given.keys() - {"fov_deg"}:
         own = replace(scene.camera, fov_deg=_fov(given, scene.camera.fov_deg))
         return own if size is None else own.resized(*size)
-    return _looking(scene, given, size or (SIDE, SIDE))
+    return _looking(scene, given, size or (side, side))
 
 
 def _mapping(camera: object) -> dict[str, Any]:

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.light.radiance import Light
+from rsibr.lobes.albedo import over_disk
 from rsibr.lobes.facet_moments import cosines
 from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.inputs import MethodInputs
-from rsibr.methods.rsibr.lobe_terms import LobeTerms, albedo_at_nodes
+from rsibr.methods.lobe_terms import LobeTerms, albedo_at_nodes
 from rsibr.methods.rsibr.matte_light import MatteLight
 
 Array = NDArray[np.float64]
@@ -74,8 +75,7 @@ class MaterialParts:
 
 def _mean(albedo: Array) -> Array:
     """Hemispherical albedo 2 ∫ E(μ) μ dμ of a table over `cosines`."""
-    nodes = cosines()
-    return np.asarray(2 * np.trapezoid(albedo * nodes[:, None], nodes, axis=0))
+    return over_disk(albedo, cosines())
 
 
 def _delta(light: Light) -> tuple[tuple[mi.Vector3f, mi.Color3f], ...]:

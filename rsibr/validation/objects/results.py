@@ -41,6 +41,8 @@ class MethodPicture:
         Errors of `picture` and of `bare` against path tracing (c).
     compile_seconds : float
         Extra time of the first picture [s].
+    path_tracing_seconds : float
+        Time of path-traced open shading to the same relMSE [s].
     """
 
     picture: Picture
@@ -49,6 +51,12 @@ class MethodPicture:
     full: ObjectError
     unoccluded: ObjectError
     compile_seconds: float
+    path_tracing_seconds: float
+
+    @property
+    def times_path_tracing(self) -> float:
+        """Time of path-traced open shading of the same error, over that of the picture without shadows of its own."""
+        return self.path_tracing_seconds / self.bare.seconds
 
     @property
     def seconds_of_hit(self) -> float:

@@ -19,6 +19,7 @@ from rsibr.shading.scenes.lit_scene import prepared_scenes, require_one_light
 from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.store.bake import Bake
+from rsibr.validation.equal_error import path_tracing_seconds
 from rsibr.validation.flip import Exposures, exposures_for
 from rsibr.validation.objects.causes import Truths, causes_of
 from rsibr.validation.objects.job import TRUTHS, object_job
@@ -30,6 +31,9 @@ from rsibr.validation.objects.zones import Mask, zones_of
 from rsibr.validation.reference import MINIMUM_BUFFERS, Reference
 from rsibr.validation.report.object_report import write_object_report
 from rsibr.validation.validation import DEFAULT_SAMPLES, bake_summary
+
+SIDE = 256
+"""Pixels a side where none are given: enough for errors, and minutes of path tracing less than a picture to look at."""
 
 
 @backend.in_session
@@ -183,7 +187,11 @@ def _judged(
 
     unoccluded = error(bare, truths.full)
     full = unoccluded if asked is without else error(picture, truths.full)
-    return MethodPicture(picture, bare, error(bare, truths.open), full, unoccluded, compile_seconds)
+    open_error, traced = error(bare, truths.open), truths.open
+    of_equal_error = path_tracing_seconds(
+        open_error.whole.rel_mse, open_error.noise_floor, traced.samples, traced.seconds
+    )
+    return MethodPicture(picture, bare, open_error, full, unoccluded, compile_seconds, of_equal_error)
 
 
 def _picture(renderer: ObjectRenderer, primary: PrimaryRays) -> tuple[Picture, float]:

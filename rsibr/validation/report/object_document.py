@@ -76,6 +76,8 @@ class MethodPictureModel(StrictModel):
     hit_seconds: Positive = Field(description="time of a ray that meets a surface")
     prepare_seconds: Positive = Field(description="preparation: maps, tables")
     compile_seconds: Positive = Field(description="extra time of the first picture: tracing and compilation")
+    path_tracing_seconds: Positive = Field(description="time of path-traced open shading of equal relMSE")
+    times_path_tracing: Positive = Field(description="that time over the time of the picture without occlusion")
 
     @classmethod
     def of(cls, made: MethodPicture) -> MethodPictureModel:
@@ -88,6 +90,8 @@ class MethodPictureModel(StrictModel):
             hit_seconds=made.seconds_of_hit,
             prepare_seconds=made.picture.prepare_seconds,
             compile_seconds=made.compile_seconds,
+            path_tracing_seconds=made.path_tracing_seconds,
+            times_path_tracing=made.times_path_tracing,
         )
 
 

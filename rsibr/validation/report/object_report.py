@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rsibr.methods.method_name import file_stem
 from rsibr.store.atomic import write_atomic
 from rsibr.validation.metrics import relative_noise_map
 from rsibr.validation.objects import zones as definitions
@@ -42,7 +43,7 @@ def write_object_report(validation: ObjectValidation, directory: Path) -> Path:
         If the directory cannot be written.
     """
     drawn = _draw(validation)
-    files = {f"object_{name}.png": picture for name, picture in drawn.items()}
+    files = {f"object_{file_stem(name)}.png": picture for name, picture in drawn.items()}
     write_pictures(directory, "object_*.png", files)
     document = object_document(validation)
     write_atomic(directory / OBJECT_METRICS_NAME, document.to_json().encode())

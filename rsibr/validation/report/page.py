@@ -17,13 +17,15 @@ _LONGEST_EMBEDDED = 256
 """Maximum texels a side of the images in the page; the files in `pictures/` have full size."""
 
 
-def render(template: str, **values: Any) -> str:
+def render(template: str, *, package: str = "", **values: Any) -> str:
     """Render a template.
 
     Parameters
     ----------
     template : str
-        File name in `validation/report` or `validation/health`.
+        File name in `validation/report`, `validation/health` or the folder of `package`.
+    package : str
+        Another package whose folder holds templates.
     **values
         Variables of the template.
 
@@ -32,7 +34,8 @@ def render(template: str, **values: Any) -> str:
     str
         Self-contained HTML.
     """
-    loader = ChoiceLoader([PackageLoader(f"rsibr.validation.{room}", ".") for room in ("report", "health")])
+    packages = ["rsibr.validation.report", "rsibr.validation.health", *filter(None, [package])]
+    loader = ChoiceLoader([PackageLoader(name, ".") for name in packages])
     environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     environment.filters |= {
         "number": number,

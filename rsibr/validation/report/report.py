@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.methods.method_name import file_stem
 from rsibr.store.atomic import unwritable, write_atomic
 from rsibr.store.directory import make_own_folder
 from rsibr.validation.health.health_report import write_health_pictures
@@ -51,7 +52,7 @@ class _ViewPictures:
         yield f"view_{number:02d}_reference_noise.png", self.noise
         for kind, by_method in (("", self.images), ("_error", self.errors), ("_flip", self.flips)):
             for method, picture in by_method.items():
-                yield f"view_{number:02d}_{method}{kind}.png", picture
+                yield f"view_{number:02d}_{file_stem(method)}{kind}.png", picture
         for lobe, drawn in self.lobes.items():
             for kind, picture in vars(drawn).items():
                 yield f"view_{number:02d}_lobe_{lobe}_{kind}.png", picture

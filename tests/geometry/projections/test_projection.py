@@ -52,8 +52,9 @@ def test_solid_angles_sum_to_the_sphere(name, size):
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "octahedral"])
 def test_each_solid_angle_is_the_integral_of_the_density(name):
-    """Sums of the density over 100² points a texel, of which the rim of a disk cuts some."""
+    """Sums of the density over 100² points a texel; an orthographic one is infinite at the rim."""
     one, size, fine = projection(name), 5, 100
+    tolerance = 0.03 if name in ("orthographic-pair", "sphere-map") else 0.01
     columns, rows = one.axes(size)
     share = (np.arange(fine) + 0.5) / fine
     low, high = columns.edges()[:-1, None], columns.edges()[1:, None]
@@ -65,7 +66,7 @@ def test_each_solid_angle_is_the_integral_of_the_density(name):
     for sheet in range(one.sheets):
         density = to_numpy(one.density(mi.UInt32(sheet), point(grid))).reshape(area.shape)
         summed = (density * area).reshape(rows.count, fine, columns.count, fine).sum(axis=(1, 3))
-        assert np.abs(summed - texel_solid_angles(one, size)[sheet]).max() < 0.01 * summed.mean()
+        assert np.abs(summed - texel_solid_angles(one, size)[sheet]).max() < tolerance * summed.mean()
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -85,15 +86,28 @@ def test_the_density_is_that_of_the_directions(name, rng):
 _STEPS = [[-1, 0], [1, 0], [0, -1], [0, 1]]
 
 
+SEAMS = {
+    "polar": 0.006,
+    **dict.fromkeys(("latlong-filament", "latlong-debevec", "latlong-three"), 0.01),
+    "dual-paraboloid": 0.015,
+    "orthographic-pair": 0.07,
+    "angular": 0.07,
+    "mirror-ball": 0.3,
+}
+"""Jumps in a 16² image: at poles between texels, at rims on which two sheets interpolate each in its own plane, and at
+-Z, into which a ball shrinks its whole rim. Elsewhere there is none but the step itself."""
+
+
 @pytest.mark.parametrize("name", WHOLE)
 def test_a_lookup_has_no_seam(name, rng):
-    """No jump between directions 1e-5 apart at the axes, the edges and corners of a cube, the rims and the date line."""
+    """Directions 1e-5 apart at the axes, the edges and corners of a cube, the rims and the date line."""
     image = sampled(name, 16)
     d = np.concatenate([AXES, unit_vectors(rng, 200), _seams(rng)])
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     moved = d + 1e-5 * unit_vectors(rng, len(d))
+    moved /= np.linalg.norm(moved, axis=1, keepdims=True)
     step = np.abs(to_numpy(image.lookup(vector(moved))) - to_numpy(image.lookup(vector(d)))).max(axis=0)
-    assert step.max() < {"orthographic-pair": 0.02, "mirror-ball": 0.02}.get(name, 0.002)
+    assert step.max() < SEAMS.get(name, 1e-4)
 
 
 def _seams(rng):
@@ -115,15 +129,16 @@ def test_a_lookup_converges_to_the_function(name, rng):
     assert errors[2] < {"orthographic-pair": 4e-3, "mirror-ball": 5e-3}.get(name, 1e-3)
 
 
-@pytest.mark.parametrize("name", WHOLE)
+@pytest.mark.parametrize("name", NAMES)
 def test_the_nearest_texel_of_a_centre_is_its_own(name):
+    """Where several centres show one direction, their values are equal too."""
     image = sampled(name, 8)
-    own = (image.projection.solid_angles(*image.axes) > 0).ravel()
-    d = texel_directions(image.projection, 8)
-    found = to_numpy(image.nearest(d)).T
-    close = np.abs(found - image.values.reshape(-1, 3)).max(axis=1) < 1e-6
-    inside = np.abs(to_numpy(image.projection.density(*image.projection.place(d)))) > 0
-    assert close[own & inside].mean() > 0.8 if image.projection.columns_on_edges else close.mean() > 0.7
+    columns, rows = image.axes
+    x, y = np.meshgrid(columns.centres(), rows.centres())
+    own = to_numpy(image.projection.density(mi.UInt32(0), point(np.stack([x.ravel(), y.ravel()], axis=1)))) > 0
+    own = np.tile(own if name[:7] != "latlong" else np.ones_like(own), image.projection.sheets)
+    found = to_numpy(image.nearest(texel_directions(image.projection, 8))).T
+    assert np.abs(found - image.values.reshape(-1, 3))[own].max() < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -132,6 +147,13 @@ def test_the_nearest_texel_of_a_centre_is_its_own(name):
         ("latlong", [0, 0, -1], 0, [0, 0.5]),
         ("latlong", [1, 0, 0], 0, [0.25, 0.5]),
         ("latlong", [0, 0, 1], 0, [0.5, 0.5]),
+        ("latlong-openexr", [1, 0, 0], 0, [0.25, 0.5]),
+        ("latlong-filament", [-1, 0, 0], 0, [0.25, 0.5]),
+        ("latlong-filament", [0, 0, 1], 0, [0.5, 0.5]),
+        ("latlong-debevec", [0, 0, -1], 0, [0.5, 0.5]),
+        ("latlong-debevec", [1, 0, 0], 0, [0.75, 0.5]),
+        ("latlong-three", [1, 0, 0], 0, [0.5, 0.5]),
+        ("latlong-three", [0, 0, 1], 0, [0.75, 0.5]),
         ("polar", [0, 0, 1], 0, [0, 0.5]),
         ("polar", [1, 0, 0], 0, [0.25, 0.5]),
         ("polar", [0.6, 0.8, 0], 0, [0.25, np.arccos(0.8) / np.pi]),
@@ -158,5 +180,5 @@ def test_directions_lie_where_the_convention_says(name, d, sheet, p):
 
 
 def test_an_unknown_name_is_refused_with_the_nearest():
-    with pytest.raises(InputError, match="unknown projection 'latlon'. Did you mean 'latlong'"):
+    with pytest.raises(InputError, match=r"unknown projection 'latlon'\. Did you mean 'latlong'\?"):
         projection("latlon")

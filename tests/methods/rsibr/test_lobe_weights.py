@@ -6,8 +6,8 @@ import pytest
 from rsibr.lobes.albedo import node_cosines
 from rsibr.lobes.facet_moments import NODES, cosines, facet_moments
 from rsibr.lobes.gaussians import LobeShape
+from rsibr.methods.lobe_terms import WIDE, LobeTerms, albedo_at_nodes
 from rsibr.methods.rsibr.half_vector_pyramid import LADDER, level_variances, texel_angle
-from rsibr.methods.rsibr.lobe_terms import WIDE, LobeTerms, albedo_at_nodes
 from rsibr.methods.rsibr.lobe_weights import _mixture, lobe_weights
 from tests.lobe_shapes import coated, fresnel, ggx, matte, one_gaussian
 

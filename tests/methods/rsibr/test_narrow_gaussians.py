@@ -8,7 +8,7 @@ import pytest
 from rsibr.lobes.albedo import node_cosines
 from rsibr.lobes.facet_moments import NODES, cosines
 from rsibr.lobes.gaussians import Gaussians, LobeShape
-from rsibr.methods.rsibr.lobe_terms import LobeTerms
+from rsibr.methods.lobe_terms import LobeTerms
 from rsibr.methods.rsibr.narrow_gaussians import NarrowGaussians, _groups
 from tests.arrays import to_numpy
 from tests.lobe_shapes import NO_MATTE, ggx, one_gaussian

@@ -7,8 +7,8 @@ import pytest
 from rsibr.geometry.frame import view_frame
 from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.lobes.albedo import node_cosines
+from rsibr.methods.lobe_terms import LobeTerms
 from rsibr.methods.rsibr.half_vector_pyramid import HalfVectorPyramid
-from rsibr.methods.rsibr.lobe_terms import LobeTerms
 from rsibr.methods.rsibr.polar_grid import RINGS, SECTORS, PolarGrid
 from rsibr.methods.rsibr.slope_quadrature import SlopeQuadrature
 from rsibr.methods.rsibr.wide_light import WideLight

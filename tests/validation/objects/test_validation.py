@@ -19,7 +19,6 @@ from rsibr.shading.renderer import ObjectRenderer
 from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.validation.objects import validation as module
 from rsibr.validation.objects.validation import validate_object
-from rsibr.validation.objects.view import object_camera
 from tests.validation.objects.doubles import bowl
 
 CONFIG = """
@@ -133,19 +132,6 @@ def test_what_cannot_be_judged_is_refused_in_one_line(matte, scene):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "opened", lambda bake: bake)
         refused("was rendered in spectral, and objects are path-traced in RGB", monkey)
-
-
-def test_the_camera_of_the_scene_is_taken_and_another_frames_the_object(scene):
-    own = ObjectScene("own", scene.shapes, CAMERA)
-    assert object_camera(own) is CAMERA
-    assert object_camera(own, resolution=(8, 6)).width == 8
-    framing = object_camera(scene, resolution=(40, 20))
-    assert (framing.width, framing.height) == (40, 20)
-    corners = np.array(np.meshgrid(*scene.bounds.T)).reshape(3, -1).T
-    seen = (corners - framing.position) @ framing.axes
-    assert (np.abs(seen[:, 0]) < -seen[:, 2] * framing.half_width).all()
-    assert (np.abs(seen[:, 1]) < -seen[:, 2] * framing.half_width / 2).all()
-    np.testing.assert_allclose(object_camera(scene, (0, 0, 9)).position, (0, 0, 9))
 
 
 def test_the_time_of_preparation_counts_the_occlusion_which_is_made_once(matte, scene, monkeypatch):

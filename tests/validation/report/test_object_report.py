@@ -45,7 +45,7 @@ def validation():
         image = truth * np.float32(factor)
         picture = Picture(image * alpha[..., None], alpha, alpha, image, NormalCounts(900, 1, 2, 3, 4), 0.01, 0.5)
         errors = [object_error(image, one, zones, exposures, name) for one in (truths.open, truths.full, truths.full)]
-        methods[name] = MethodPicture(picture, picture, *errors, compile_seconds=0.25)
+        methods[name] = MethodPicture(picture, picture, *errors, compile_seconds=0.25, path_tracing_seconds=5.0)
     bake = BakeSummary("paint.rsibr", "red <paint>", "city", 12, 32, 256, 10.0, 123456)
     camera = Camera.look_at((0, 0, 4), (0, 0, 0), width=32, height=32)
     parts = ("car <body>", camera, 16, "pixel", "off", {"*": bake}, zones, truths, causes_of(truths), methods)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsibr.geometry.projections.sphere_map import covered_middle, normal_from_disk, texel_centres
-from rsibr.methods.rsibr.texel_mean import radial_mean
+from rsibr.methods.texel_mean import radial_mean
 from tests.arrays import disk_grid, to_numpy, vector
 
 N = 24

@@ -1,0 +1,92 @@
+"""`rsibr compare`: all systems on the same scenes, at equal time and equal memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rsibr.cli.options import Imports, Json, Yes, check_output_folder, imported
+from rsibr.errors import printable
+
+if TYPE_CHECKING:
+    from rsibr.progress import Progress
+    from rsibr.studies.compare.runner import Comparison
+
+
+def compare(
+    config: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CONFIG…", help="Bake configs, one scene each, or files of scenes (TOML).", show_default=False
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Directory for compare.html, .json, .csv, bakes and references.")
+    ],
+    method: Annotated[list[str] | None, typer.Option(help="Method to compare; repeatable; by default all.")] = None,
+    external: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=DIR", help="Maps of another program: folder of EXR, or CSV; repeatable."),
+    ] = None,
+    views: Annotated[
+        int | None, typer.Option(min=1, max=1000, help="Novel views, by default 4 or the config's.")
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option(min=8, max=2**24, help="Samples a texel of each reference, by default the config's.")
+    ] = None,
+    allow_large: Yes = False,
+    imports: Imports = None,
+    json_output: Json = False,
+) -> None:
+    """Compare systems on the same scenes: error at equal time and equal memory. A killed comparison resumes."""
+    check_output_folder(out)
+    from rsibr.cli.console import step_progress
+    from rsibr.cli.job import note_job
+    from rsibr.studies.compare.config import load_compare
+    from rsibr.studies.compare.runner import compare as run
+
+    modules = imported(imports)
+    settings = [load_compare(path).with_plugins(modules) for path in config]
+    with step_progress("compare") as bars:
+
+        def show(state: Progress) -> None:
+            bars(int(state.done), int(state.total))
+
+        found = run(
+            settings,
+            out=out,
+            methods=method or None,
+            external=external or (),
+            views=views,
+            samples=samples,
+            on_progress=show,
+            on_forecast=note_job,
+            allow_large=allow_large,
+        )
+    if json_output:
+        typer.echo((out / "compare.json").read_text(encoding="utf-8"), nl=False)
+    else:
+        print_comparison(found)
+
+
+def print_comparison(found: Comparison) -> None:
+    """Print which system has the least error from which budget on, class by class."""
+    from rsibr.studies.compare.page import answers
+    from rsibr.validation.report.page import duration
+
+    for record in found.document.classes:
+        typer.echo(f"\n{printable(record.name)} ({record.scenes} scene{'s' * (record.scenes != 1)})")
+        for sentence in answers(record):
+            typer.echo("  " + _plain(sentence))
+    for scene in found.document.scenes:
+        for label, reason in scene.refused.items():
+            typer.echo(printable(f"not compared: {label} on {scene.name}: {reason}"))
+    typer.echo(f"took {_plain(duration(found.document.seconds))}")
+    typer.echo(f"report: {printable(found.out / 'compare.html')}")
+
+
+def _plain(text: str) -> str:
+    """Text of the page for a terminal: ordinary spaces."""
+    return printable(text.replace("\u00a0", " "))

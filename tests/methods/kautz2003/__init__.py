@@ -1,0 +1,1 @@
+"""Tests of the method of Kautz, Daubert, Seidel (2003)."""
