@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from rsibr.lobes.albedo import node_cosines
+from rsibr.lobes.albedo import node_cosines, over_disk
 from rsibr.lobes.facet_moments import cosines, facet_moments, matte_energy
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.lobes.microfacet import ggx_density, schlick
@@ -82,8 +82,8 @@ def fit_lobe(name: str, shape: LobeShape, albedo: Array) -> LobeFit:
     weights = disk_weights()[:, None]
     solved = np.stack([nnls(terms * np.sqrt(weights), (glossy * np.sqrt(weights))[:, k])[0] for k in range(3)])
     fitted = terms @ solved.T
-    size = max(float((weights * glossy**2).sum()), 1e-30)
-    error = float(np.sqrt((weights * (fitted - glossy) ** 2).sum() / size))
+    size = max(float(over_disk(glossy**2).sum()), 1e-30)
+    error = float(np.sqrt(over_disk((fitted - glossy) ** 2).sum() / size))
     return LobeFit(
         name, alpha, solved[:, 0], solved[:, 1], glossy, fitted, terms.sum(axis=1), albedo - glossy, slope_error, error
     )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.lobes.albedo import NODES
 from rsibr.methods.split_sum.material_fit import LobeFit
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ def multiple_scattering(fits: Sequence[LobeFit], albedos: Sequence[Array]) -> Ar
     F₀)/21 the mean reflectance and Fss E_ss the albedo, E_ms (Fss E_ss) F̄/(1 − F̄ E_ms) is reflected like a matte
     surface, E_ms = 1 − E_ss. A white lobe reflects all light then.
     """
-    total = np.zeros((len(albedos[0]), 3)) if albedos else np.zeros((1, 3))
+    total = np.zeros((NODES, 3))
     for fit, albedo in zip(fits, albedos, strict=True):
         lost = np.maximum(1 - fit.scattered_once, 0)[:, None]
         mean = np.clip(fit.f0 + (fit.f90 - fit.f0) * _MEAN_GRAZING, 0, 1)

@@ -8,19 +8,24 @@ from typing import Literal, get_args
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.errors import InputError, did_you_mean
 from rsibr.geometry.projections.bordered_texels import BorderedTexels
+from rsibr.geometry.projections.sphere_map import covered_middle, normal_from_disk, texel_centre, tiled_texels
 from rsibr.light.harmonic_irradiance import HarmonicIrradiance, light_coefficients
+from rsibr.lobes.albedo import NODES
 from rsibr.methods.cosine_table import CosineTable
+from rsibr.methods.frozen import Frozen
 from rsibr.methods.inputs import MethodInputs
+from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
 from rsibr.methods.protocol import Needs, PointwiseMethod
 from rsibr.methods.registry import register
 from rsibr.methods.split_sum.delta_highlights import DeltaHighlights
 from rsibr.methods.split_sum.material_fit import fit_lobe
 from rsibr.methods.split_sum.multiple_scattering import multiple_scattering
-from rsibr.methods.split_sum.prefiltered_cube import PrefilteredCube, Sources, mip_chain
+from rsibr.methods.split_sum.prefiltered_cube import SHARP, PrefilteredCube, Sources, mip_chain
 
 Albedo = Literal["dfg", "exact"]
 """Factor of a glossy lobe: F₀ A + F₉₀ B, or the lobe's own directional albedo."""
@@ -42,6 +47,37 @@ class GlossyLobe:
     albedo: CosineTable
 
 
+@dataclass(eq=False)
+class Shading:
+    """What is looked up, on the device.
+
+    Attributes
+    ----------
+    glossy : list of GlossyLobe
+        Split sums that are added.
+    diffuse : CosineTable
+        Albedo of all that follows the normal, by the cosine of the view angle.
+    irradiance : HarmonicIrradiance
+        Irradiance by the normal.
+    highlights : DeltaHighlights or None
+        Reflections of delta lights; None if there are no such lights.
+    """
+
+    glossy: list[GlossyLobe]
+    diffuse: CosineTable
+    irradiance: HarmonicIrradiance
+    highlights: DeltaHighlights | None
+
+    def radiance(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
+        """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
+        cosine = dr.dot(n, v)
+        mirrored = 2 * cosine * n - v
+        total = self.diffuse.colour(cosine) * self.irradiance.mean_radiance(n)
+        for lobe in self.glossy:
+            total += lobe.albedo.colour(cosine) * lobe.cube.lookup(mirrored)
+        return total if self.highlights is None else total + self.highlights.radiance(n, v)
+
+
 class SplitSum(PointwiseMethod):
     """Split sum: ∫ f L cos θ dω ≈ E(n·v) · (prefiltered environment in the mirror direction), for each glossy lobe.
 
@@ -58,6 +94,8 @@ class SplitSum(PointwiseMethod):
         The fit of each lobe, with its errors.
     fit_error : float
         Largest error of a fit, of a lobe's distribution of slopes or of its albedo.
+    shading : Shading
+        Cubes and tables on the device.
     """
 
     def __init__(
@@ -70,26 +108,40 @@ class SplitSum(PointwiseMethod):
         sources = Sources.of(inputs.light)
         glossy = [fit for fit in self.fits if fit.exact.any()]
         albedos = [fit.exact if albedo == "exact" else fit.fitted for fit in glossy]
-        levels = mip_chain(sources, *([size] if size else [])) if chain else None
-        self.glossy = [
+        levels = mip_chain(sources, size or SHARP) if chain else None
+        lobes = [
             GlossyLobe(_cube(sources, fit.alpha, levels, size), CosineTable.of(one))
             for fit, one in zip(glossy, albedos, strict=True)
         ]
-        diffuse = sum((fit.matte for fit in self.fits), start=np.zeros((1, 3)))
-        again = multiple_scattering(glossy, albedos) if multiscatter else 0.0
-        self.diffuse = CosineTable.of(np.maximum(diffuse + again, 0))
-        self.highlights = DeltaHighlights.of(inputs.light, self.fits, self.diffuse)
-        self.irradiance = HarmonicIrradiance.of(light_coefficients(inputs.light))
+        matte = sum((fit.matte for fit in self.fits), start=np.zeros((NODES, 3)))
+        again = multiple_scattering(glossy, albedos) if multiscatter else np.zeros((NODES, 3))
+        irradiance = HarmonicIrradiance.of(light_coefficients(inputs.light))
+        diffuse = CosineTable.of(matte + again)
+        self.shading = Shading(lobes, diffuse, irradiance, DeltaHighlights.of(inputs.light, self.fits, diffuse))
+        self._frozen = Frozen(_image)
 
     @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """See `Method.eval`."""
-        cosine = dr.dot(n, v)
-        mirrored = 2 * cosine * n - v
-        total = self.diffuse.colour(cosine) * self.irradiance.mean_radiance(n)
-        for lobe in self.glossy:
-            total += lobe.albedo.colour(cosine) * lobe.cube.lookup(mirrored)
-        return total if self.highlights is None else total + self.highlights.radiance(n, v)
+        return self.shading.radiance(n, v)
+
+    @backend.in_session
+    def map(self, frame: NDArray[np.float64], resolution: int) -> mi.TensorXf:
+        """See `Method.map`; from the second view on it is replayed."""
+        image = self._frozen(self.shading, mi.Float(frame.T.ravel().tolist()), resolution)
+        return mi.TensorXf(image, (resolution, resolution, 4))
+
+    def image(self, columns: mi.Float, resolution: int) -> mi.Float:
+        """Trace the texels of a map, row-major RGBA, flat; `columns` holds the frame's columns as nine floats."""
+        return _image(self.shading, columns, resolution)
+
+
+def _image(shading: Shading, columns: mi.Float, resolution: int) -> mi.Float:
+    to_world, texel = frame_from(columns), tiled_texels(resolution)
+    p = texel_centre(texel, resolution)
+    n = to_world @ normal_from_disk(covered_middle(p, resolution))
+    radiance = shading.radiance(n, view_of(to_world))
+    return laid_out(dr.select(touches_disk(p, resolution), as_rgba(radiance), 0), texel, resolution)
 
 
 def _cube(sources: Sources, alpha: float, levels: list[BorderedTexels] | None, size: int | None) -> PrefilteredCube:
