@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -87,6 +88,13 @@ def fit_lobe(name: str, shape: LobeShape, albedo: Array) -> LobeFit:
     return LobeFit(
         name, alpha, solved[:, 0], solved[:, 1], glossy, fitted, terms.sum(axis=1), albedo - glossy, slope_error, error
     )
+
+
+def mean_error(fits: Sequence[LobeFit]) -> float:
+    """Mean of the lobes' errors, weighted by the albedo of their glossy parts over the disk; 0 without any."""
+    weights = np.array([over_disk(fit.exact).sum() for fit in fits])
+    errors = np.array([fit.error for fit in fits])
+    return float((weights * errors).sum() / max(float(weights.sum()), 1e-30))
 
 
 def glossy_share(shape: LobeShape) -> Array:

@@ -23,12 +23,14 @@ from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk
 from rsibr.methods.protocol import Needs, PointwiseMethod
 from rsibr.methods.registry import register
 from rsibr.methods.split_sum.delta_highlights import DeltaHighlights
-from rsibr.methods.split_sum.material_fit import fit_lobe
+from rsibr.methods.split_sum.material_fit import fit_lobe, mean_error
 from rsibr.methods.split_sum.multiple_scattering import multiple_scattering
 from rsibr.methods.split_sum.prefiltered_cube import SHARP, PrefilteredCube, Sources, mip_chain
 
 Albedo = Literal["dfg", "exact"]
 """Factor of a glossy lobe: F₀ A + F₉₀ B, or the lobe's own directional albedo."""
+
+_FAINT, _BLURRED = 1e-3, 0.3  # share of the brightest lobe below which one of at least such a roughness gets no cube
 
 
 @dataclass(eq=False)
@@ -93,7 +95,7 @@ class SplitSum(PointwiseMethod):
     fits : list of LobeFit
         The fit of each lobe, with its errors.
     fit_error : float
-        Largest error of a fit, of a lobe's distribution of slopes or of its albedo.
+        Mean of the lobes' errors, weighted by their albedo over the disk of a sphere map; see `LobeFit.error`.
     shading : Shading
         Cubes and tables on the device.
     """
@@ -104,20 +106,22 @@ class SplitSum(PointwiseMethod):
         super().__init__(inputs)
         self.name = "split-sum"
         self.fits = [fit_lobe(name, *lobe) for name, lobe in inputs.shapes.items()]
-        self.fit_error = max((fit.error for fit in self.fits), default=0.0)
+        self.fit_error = mean_error(self.fits)
         sources = Sources.of(inputs.light)
-        glossy = [fit for fit in self.fits if fit.exact.any()]
+        brightest = max((fit.exact.max() for fit in self.fits), default=0.0)
+        glossy = [fit for fit in self.fits if fit.exact.max() > (_FAINT * brightest if fit.alpha >= _BLURRED else 0)]
+        others = [fit.exact for fit in self.fits if fit not in glossy]
         albedos = [fit.exact if albedo == "exact" else fit.fitted for fit in glossy]
         levels = mip_chain(sources, size or SHARP) if chain else None
         lobes = [
             GlossyLobe(_cube(sources, fit.alpha, levels, size), CosineTable.of(one))
             for fit, one in zip(glossy, albedos, strict=True)
         ]
-        matte = sum((fit.matte for fit in self.fits), start=np.zeros((NODES, 3)))
+        matte = sum([*(fit.matte for fit in self.fits), *others], start=np.zeros((NODES, 3)))
         again = multiple_scattering(glossy, albedos) if multiscatter else np.zeros((NODES, 3))
         irradiance = HarmonicIrradiance.of(light_coefficients(inputs.light))
         diffuse = CosineTable.of(matte + again)
-        self.shading = Shading(lobes, diffuse, irradiance, DeltaHighlights.of(inputs.light, self.fits, diffuse))
+        self.shading = Shading(lobes, diffuse, irradiance, DeltaHighlights.of(inputs.light, glossy, diffuse))
         self._frozen = Frozen(_image)
 
     @backend.in_session

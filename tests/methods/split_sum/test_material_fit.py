@@ -7,7 +7,7 @@ from rsibr.lobes.albedo import node_cosines
 from rsibr.lobes.gaussians import Gaussians, LobeShape
 from rsibr.lobes.microfacet import schlick
 from rsibr.methods.split_sum.dfg import dfg
-from rsibr.methods.split_sum.material_fit import disk_weights, fit_lobe, glossy_share, nearest_alpha
+from rsibr.methods.split_sum.material_fit import disk_weights, fit_lobe, glossy_share, mean_error, nearest_alpha
 from tests import lobe_shapes
 
 WHITE = np.ones((len(node_cosines()), 3))
@@ -71,3 +71,12 @@ def test_weights_are_those_of_the_disk():
     weights = disk_weights()
     assert weights.sum() == pytest.approx(1)
     assert (weights * node_cosines()).sum() == pytest.approx(2 / 3, abs=1e-3)
+
+
+def test_the_mean_error_is_weighted_by_albedo():
+    wavy = (0.5 + 0.3 * np.sin(9 * node_cosines()))[:, None] * np.ones(3)
+    odd, faint = (fit_lobe("odd", lobe_shapes.ggx(0.1), one) for one in (wavy, 1e-3 * wavy))
+    even = fit_lobe("even", LobeShape.mirror(), 0.7 * WHITE)
+    assert mean_error([odd]) == pytest.approx(odd.error)
+    assert mean_error([faint, even]) < 0.002 * odd.error
+    assert mean_error([]) == 0
