@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
-from rsibr.errors import InputError, did_you_mean
+from rsibr.errors import InputError
 from rsibr.geometry.projections.bordered_texels import BorderedTexels
 from rsibr.geometry.projections.sphere_map import covered_middle, normal_from_disk, texel_centre, tiled_texels
 from rsibr.light.harmonic_irradiance import HarmonicIrradiance, light_coefficients
@@ -29,6 +29,9 @@ from rsibr.methods.split_sum.prefiltered_cube import SHARP, PrefilteredCube, Sou
 
 Albedo = Literal["dfg", "exact"]
 """Factor of a glossy lobe: F₀ A + F₉₀ B, or the lobe's own directional albedo."""
+
+LEAST_SIZE, MOST_SIZE = 4, 1024
+"""Limits of the option `size` [texels]."""
 
 _FAINT, _BLURRED = 1e-3, 0.3  # share of the brightest lobe below which one of at least such a roughness gets no cube
 
@@ -186,8 +189,15 @@ def split_sum(
     size : int, optional
         Texels a side of a face of each cube, or of the finest level of the chain; by default chosen by the roughness.
     """
-    if albedo not in get_args(Albedo):
-        names = get_args(Albedo)
-        fix = did_you_mean(str(albedo), names) + f"use one of: {', '.join(names)}"
-        raise InputError(f"unknown albedo '{albedo}'", where="split-sum", fix=fix)
+    _require(albedo in get_args(Albedo), "albedo", albedo, f"use one of: {', '.join(get_args(Albedo))}")
+    for name, value in (("multiscatter", multiscatter), ("chain", chain)):
+        _require(isinstance(value, bool), name, value, "give true or false")
+    is_size = type(size) is int and LEAST_SIZE <= size <= MOST_SIZE
+    _require(size is None or is_size, "size", size, f"give {LEAST_SIZE} to {MOST_SIZE} texels")
     return SplitSum(inputs, albedo=albedo, multiscatter=multiscatter, chain=chain, size=size)
+
+
+def _require(is_good: bool, option: str, value: object, fix: str) -> None:
+    """Raise an InputError unless the value of an option, which users give, is good."""
+    if not is_good:
+        raise InputError(f"'{value}' is no {option}", where=f"split-sum, {option}", fix=fix)

@@ -134,9 +134,20 @@ def test_a_new_view_compiles_nothing():
         assert all(one["cache_hit"] for one in dr.kernel_history([dr.KernelType.JIT]))
 
 
-def test_an_unknown_albedo_is_refused():
-    with pytest.raises(InputError, match=r"unknown albedo 'exakt'.*exact"):
-        made(light_of(lambda _: GREY), (lobe_shapes.ggx(0.1), HALF), albedo="exakt")
+@pytest.mark.parametrize(
+    ("option", "value"), [("albedo", "exakt"), ("multiscatter", 1), ("chain", "yes"), ("size", 2.5), ("size", 4096)]
+)
+def test_an_option_that_makes_no_sense_is_refused_in_one_line(option, value):
+    with pytest.raises(InputError, match=f"'{value}' is no {option}") as refused:
+        made(light_of(lambda _: GREY), (lobe_shapes.ggx(0.1), HALF), **{option: value})
+    assert "\n" not in str(refused.value)
+
+
+def test_small_cubes_and_chains_are_made(rng):
+    n, v = pairs(rng, 20)
+    for options in ({"size": 4}, {"size": 4, "chain": True}, {"size": 20, "chain": True}):
+        method = made(light_of(lambda _: GREY), (lobe_shapes.ggx(0.3), HALF), albedo="exact", **options)
+        np.testing.assert_allclose(evaluated(method, n, v), 0.5 * GREY + 0 * n, rtol=5e-3)
 
 
 @pytest.mark.slow
