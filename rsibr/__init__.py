@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from rsibr.shading.render import render as render
     from rsibr.store.bake import open_bake as open_bake
     from rsibr.studies import figures as plots
+    from rsibr.studies.compare.runner import compare as compare
     from rsibr.studies.runner import study as study
     from rsibr.validation import metrics as metrics
     from rsibr.validation.health.check import check as check
@@ -50,6 +51,7 @@ _HOME = {
     "PointwiseMethod": "rsibr.methods.protocol",
     "bake": "rsibr.budget.bake",
     "check": "rsibr.validation.health.check",
+    "compare": "rsibr.studies.compare.runner",
     "configs": "rsibr.resources",
     "load_config": "rsibr.scene.config",
     "method_names": "rsibr.methods.registry",
@@ -84,6 +86,7 @@ __all__ = [
     "__version__",
     "bake",
     "check",
+    "compare",
     "configs",
     "load_config",
     "method_names",

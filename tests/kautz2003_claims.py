@@ -8,8 +8,9 @@ from time import perf_counter
 import numpy as np
 
 from rsibr import backend
+from rsibr.lobes.band_factors import exponent_for, ggx, phong
 from rsibr.methods.kautz2003 import claims
-from rsibr.methods.kautz2003.band_factors import bias_for, exponent_for, ggx, phong
+from rsibr.methods.kautz2003.box_factors import bias_for
 
 SKIES = Path(__file__).parent.parent / "scenes" / "environments"
 FACES, EXPONENTS, BIASES = (2, 4, 8, 16, 32), (10.0, 100.0, 225.0), (2.0, 4.0, 6.0, 8.0)

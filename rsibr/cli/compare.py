@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,7 @@ from rsibr.errors import printable
 
 if TYPE_CHECKING:
     from rsibr.progress import Progress
+    from rsibr.studies.compare.budgets import ClassRecord
     from rsibr.studies.compare.runner import Comparison
 
 
@@ -72,10 +74,11 @@ def compare(
 
 
 def print_comparison(found: Comparison) -> None:
-    """Print which system has the least error from which budget on, class by class."""
+    """Print the errors by class, and which system has the least from which budget on."""
     from rsibr.studies.compare.page import answers
     from rsibr.validation.report.page import duration
 
+    _print_errors(found.document.classes)
     for record in found.document.classes:
         typer.echo(f"\n{printable(record.name)} ({record.scenes} scene{'s' * (record.scenes != 1)})")
         for sentence in answers(record):
@@ -85,6 +88,25 @@ def print_comparison(found: Comparison) -> None:
             typer.echo(printable(f"not compared: {label} on {scene.name}: {reason}"))
     typer.echo(f"took {_plain(duration(found.document.seconds))}")
     typer.echo(f"report: {printable(found.out / 'compare.html')}")
+
+
+def _print_errors(classes: Sequence[ClassRecord]) -> None:
+    """Print a table of relMSE: a row a setting, a column a class."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from rsibr.cli.table import print_table
+    from rsibr.validation.report.page import number
+
+    by_class = {record.name: {one.label: one.rel_mse for one in record.means} for record in classes}
+    table = Table(box=SIMPLE_HEAD, title="relMSE, geometric mean over the scenes of a class", title_justify="left")
+    table.add_column("setting", no_wrap=True)
+    for name in by_class:
+        table.add_column(printable(name))
+    for label in dict.fromkeys(label for errors in by_class.values() for label in errors):
+        errors = (found.get(label) for found in by_class.values())
+        table.add_row(printable(label), *("–" if error is None else number(error, 2) for error in errors))
+    print_table(table)
 
 
 def _plain(text: str) -> str:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rsibr.geometry.frame import view_frame
-from rsibr.methods.kautz2003.band_factors import phong
+from rsibr.lobes.band_factors import phong
 from rsibr.methods.kautz2003.faces import averaged, box_levels
 from rsibr.methods.kautz2003.kautz2003 import Kautz2003
 from rsibr.methods.kautz2003.kautz_light import KautzLight

@@ -18,7 +18,8 @@ from rsibr.geometry.projections.projection import projection
 from rsibr.geometry.projections.sphere_image import SphereImage, texel_directions, texel_solid_angles
 from rsibr.light.projected import light_in
 from rsibr.light.radiance import light_of
-from rsibr.methods.kautz2003.band_factors import bias_for, phong
+from rsibr.lobes.band_factors import phong
+from rsibr.methods.kautz2003.box_factors import bias_for
 from rsibr.methods.kautz2003.cube_pyramid import CubePyramid
 from rsibr.methods.kautz2003.faces import Faces, averaged, box_levels
 from rsibr.methods.kautz2003.kautz_light import KautzLight

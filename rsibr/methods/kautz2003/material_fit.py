@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.lobes.albedo import over_disk
+from rsibr.lobes.band_factors import exponent_for, phong
 from rsibr.lobes.facet_moments import cosines
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.lobes.microfacet import schlick
-from rsibr.methods.kautz2003.band_factors import bias_for, exponent_for, gaussian, phong
+from rsibr.methods.glossy_factors import glossy_factors
+from rsibr.methods.kautz2003.box_factors import bias_for
 from rsibr.methods.lobe_terms import LobeTerms, albedo_at_nodes
 
 Array = NDArray[np.float64]
@@ -35,7 +37,7 @@ class Lobes:
     matte, glossy : ndarray, shape (NODES, 3)
         Directional albedo of all matte parts and of all others, at `rsibr.lobes.facet_moments.cosines`.
     factors : ndarray, shape (bands,)
-        Band factors of the glossy lobes, mean over channels and over the disk of a map, at `band_factors.BANDS`.
+        Band factors of the glossy lobes, see `glossy_factors`.
     """
 
     matte: Array
@@ -44,24 +46,13 @@ class Lobes:
 
     @classmethod
     def of(cls, shapes: Mapping[str, tuple[LobeShape, Array]]) -> Lobes:
-        """Gather the lobes of a material, as in `MethodInputs.shapes`.
-
-        Notes
-        -----
-        A microfacet lobe of width s mirrors light from a Gaussian of width 2s along the plane of incidence and 2s cos θ
-        across; its factors are those of the geometric mean.
-        """
-        terms = LobeTerms.of(list(shapes.values()))
-        nothing = np.zeros((len(cosines()), 3))
+        """Gather the lobes of a material, as in `MethodInputs.shapes`."""
+        terms, nothing = LobeTerms.of(list(shapes.values())), np.zeros((len(cosines()), 3))
         mirrors = sum((albedo_at_nodes(albedo) for shape, albedo in shapes.values() if shape.is_mirror), start=nothing)
-        weighted, total = _disk_mean(mirrors).mean() * np.ones(len(phong(1.0))), mirrors
-        for term in terms.gaussians:
-            factors = gaussian(2 * term.moments.width * np.sqrt(cosines()))
-            weighted = weighted + _disk_mean(term.share.mean(axis=1, keepdims=True) * factors)
-            total = total + term.share
-        energy = float(_disk_mean(total).mean())
         matte = sum((term.share for term in terms.matte), start=nothing)
-        return cls(matte, total, weighted / energy if energy > 0 else phong(_MATTE_EXPONENT))
+        glossy = sum((term.share for term in terms.gaussians), start=mirrors)
+        factors = glossy_factors(terms, mirrors)
+        return cls(matte, glossy, phong(_MATTE_EXPONENT) if factors is None else factors)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,12 +13,13 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from rsibr.lobes.albedo import over_disk
+from rsibr.lobes.band_factors import exponent_for
 from rsibr.lobes.facet_moments import cosines
 from rsibr.lobes.probe_directions import ProbeDirections, probe_directions
 from rsibr.lobes.shape_fit import shape_values
+from rsibr.methods.glossy_factors import glossy_factors
 from rsibr.methods.lobe_terms import Lobe, LobeTerms, albedo_at_nodes, resampled
 from rsibr.methods.miller1984.reflectance import VARNISH
 
@@ -26,7 +27,6 @@ Array = NDArray[np.float64]
 
 _DRAWS = 512
 _LEAST_MIRROR = 1e-6  # albedo of a mirror part that a glossy one is held against
-_LOWEST, _HIGHEST, _STEPS = 0.25, 1e6, 60  # exponents that are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class MaterialFit:
     diffuse, glossy, mirror : ndarray, shape (NODES, 3)
         Directional albedo of each part at `rsibr.lobes.facet_moments.cosines`.
     n : float
-        Exponent of least squares.
+        Exponent of the Phong lobe whose band factors are nearest to those of the glossy lobes.
     lobes : sequence of (LobeShape, ndarray)
         The material's lobes, which the errors are measured against.
     """
@@ -81,8 +81,8 @@ class MaterialFit:
         diffuse = sum((term.share for term in terms.matte), start=none)
         glossy = sum((term.share for term in terms.gaussians), start=none)
         mirror = sum((albedo_at_nodes(albedo) for shape, albedo in lobes if shape.is_mirror), start=none)
-        fitted = fitted_exponent(_values(lobes, glossy=True)) if n is None and glossy.any() else (n or 1.0)
-        return cls(diffuse, glossy, mirror, fitted, lobes)
+        factors = glossy_factors(terms) if n is None else None
+        return cls(diffuse, glossy, mirror, (n or 1.0) if factors is None else exponent_for(factors)[0], lobes)
 
     def material(self) -> PhongMaterial:
         """Constants and weights whose table of a constant sky, times the weight, is the albedo at every angle.
@@ -127,38 +127,6 @@ class MaterialFit:
         """Mean of `errors` over the disk of a sphere map."""
         weight = _disk_weights(_probes())
         return float((self.errors * weight).sum() / weight.sum())
-
-
-def fitted_exponent(values: Array) -> float:
-    """Exponent of the Phong lobe around the mirror direction that is nearest to a lobe, by least squares.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n, 3)
-        BRDF times cosine [sr⁻¹] at the probe directions.
-
-    Notes
-    -----
-    Minimises Σ_views w ∫ (a xⁿ − f)² dω / ∫ f² dω with x = R·L, for each view the best amplitude a, and w the share of
-    the view angle in the disk of a sphere map. f is the sum over the channels.
-    """
-    probes = _probes()
-    wanted, log_x = values.sum(axis=1), np.log(np.maximum(_mirrored(probes), 1e-9))
-    weight = _disk_weights(probes)
-
-    def error(log_n: float) -> float:
-        lobe = np.exp(np.exp(log_n) * log_x)
-        total = 0.0
-        for view, share in zip(probes.views, weight, strict=True):
-            f, g, density = wanted[view], lobe[view], probes.density[view]
-            both, own, other = (f * g / density).sum(), (g * g / density).sum(), (f * f / density).sum()
-            total += share * (1 - both * both / max(own * other, 1e-300))
-        return total
-
-    tried = np.linspace(np.log(_LOWEST), np.log(_HIGHEST), _STEPS)
-    best = int(np.argmin([error(one) for one in tried]))
-    bounds = tried[max(best - 1, 0)], tried[min(best + 1, _STEPS - 1)]
-    return float(np.exp(minimize_scalar(error, bounds=bounds, method="bounded").x))
 
 
 def _probes() -> ProbeDirections:

@@ -14,7 +14,7 @@ from rsibr.geometry.projections.octahedral import texel_directions
 from rsibr.geometry.projections.sphere_map import normal_from_disk, texel_centres
 from rsibr.light.radiance import Light, light_of
 from rsibr.lobes.albedo import node_cosines
-from rsibr.methods.kautz2003.band_factors import phong
+from rsibr.lobes.band_factors import phong
 from rsibr.methods.kautz2003.kautz2003 import kautz2003
 from rsibr.methods.kautz2003.kautz_light import KautzLight
 from rsibr.methods.method_set import MethodSet

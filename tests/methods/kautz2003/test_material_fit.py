@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from rsibr.lobes.albedo import node_cosines, over_disk
+from rsibr.lobes.band_factors import gaussian, phong
 from rsibr.lobes.facet_moments import cosines
 from rsibr.lobes.gaussians import Gaussians, LobeShape
-from rsibr.methods.kautz2003.band_factors import bias_for, gaussian, phong
+from rsibr.methods.kautz2003.box_factors import bias_for
 from rsibr.methods.kautz2003.material_fit import KautzMaterial, Lobes, schlick_mix
 from tests.lobe_shapes import one_gaussian as gaussian_shape
 
