@@ -1,8 +1,10 @@
-"""Irradiance from nine spherical-harmonic coefficients of the light."""
+"""Irradiance from nine spherical-harmonic coefficients of the light; Ramamoorthi & Hanrahan (2001)."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -10,32 +12,45 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.projections.octahedral import texel_directions, texel_solid_angles
+from rsibr.geometry.to_device import to_device
 from rsibr.light.radiance import Light
 
 Array = NDArray[np.float64]
 
-CONVOLVED: Array = np.pi * np.array([1, 2 / 3, 2 / 3, 2 / 3, 1 / 4, 1 / 4, 1 / 4, 1 / 4, 1 / 4])
-"""Factors Â_l of the clamped cosine for each coefficient: π, 2π/3, π/4; Ramamoorthi & Hanrahan (2001), eq. 8 and 9."""
-
-_CONSTANTS = np.sqrt(np.array([1 / 4, 3 / 4, 3 / 4, 3 / 4, 15 / 4, 15 / 4, 5 / 16, 15 / 4, 15 / 16]) / np.pi)
+COSINE_LOBE = (math.pi, *[2 * math.pi / 3] * 3, *[math.pi / 4] * 5)
+"""Factors Â_i of the clamped cosine in the bands of the nine functions; Ramamoorthi & Hanrahan (2001), eq. 8 and 9."""
 
 
-def harmonics(d: Array) -> Array:
-    """Real orthonormal harmonics of bands 0 to 2.
+def harmonics(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
+    """Real spherical harmonics of bands 0 to 2 at a unit direction; Ramamoorthi & Hanrahan (2001), eq. 3.
 
     Parameters
     ----------
-    d : ndarray, shape (n, 3)
-        Unit directions.
+    x, y, z : float, ndarray or mi.Float
+        Components of the direction.
 
     Returns
     -------
-    ndarray, shape (n, 9)
-        1, y, z, x, xy, yz, 3z² − 1, xz, x² − y², each times its constant; Ramamoorthi & Hanrahan (2001), eq. 3.
+    tuple of nine
+        Y_0, …, Y_8; orthonormal over the sphere.
+
+    Examples
+    --------
+    >>> [round(value, 4) for value in harmonics(0.0, 0.0, 1.0)]
+    [0.2821, 0.0, 0.4886, 0.0, 0.0, 0.0, 0.6308, 0.0, 0.0]
     """
-    x, y, z = d.T
-    polynomials = [np.ones_like(x), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y]
-    return np.stack(polynomials, axis=1) * _CONSTANTS
+    first, second, last = (math.sqrt(k / (4 * math.pi)) for k in (3, 15, 5))
+    return (
+        math.sqrt(1 / (4 * math.pi)) + 0 * x,
+        first * y,
+        first * z,
+        first * x,
+        second * x * y,
+        second * y * z,
+        last / 2 * (3 * z * z - 1),
+        second * x * z,
+        second / 2 * (x * x - y * y),
+    )
 
 
 def harmonic_coefficients(directions: Array, energies: Array) -> Array:
@@ -52,7 +67,7 @@ def harmonic_coefficients(directions: Array, energies: Array) -> Array:
     -------
     ndarray, shape (9, 3)
     """
-    return np.asarray(harmonics(directions).T @ energies)
+    return np.asarray(np.stack(harmonics(*directions.T)) @ energies)
 
 
 def light_coefficients(light: Light, *, delta: bool = False) -> Array:
@@ -71,28 +86,32 @@ class HarmonicIrradiance:
 
     Attributes
     ----------
-    terms : list of mi.Color3f
-        Nine colours: coefficients times Â_l and the constant of the harmonic, over π (opaque).
+    factors : mi.Float
+        Â_i L_i / π in three channels, flat.
     """
 
-    terms: list[mi.Color3f]
+    factors: mi.Float
 
     @classmethod
     def of(cls, coefficients: Array) -> HarmonicIrradiance:
         """Put coefficients of the light, shape (9, 3), on the device."""
-        rows = coefficients * (CONVOLVED * _CONSTANTS / np.pi)[:, None]
-        terms = [mi.Color3f(*row) for row in rows.tolist()]
-        dr.make_opaque(terms)
-        return cls(terms)
+        scaled = coefficients * np.array(COSINE_LOBE)[:, None] / math.pi
+        return cls(to_device(mi.Float, scaled.astype(np.float32)))
 
     def mean_radiance(self, n: mi.Vector3f) -> mi.Color3f:
-        """Irradiance over π [W sr⁻¹ m⁻²] at unit normals: the radiance of a white Lambertian surface; never negative.
+        """Irradiance over π: the radiance of a white Lambertian surface, Σ Â_i L_i Y_i(n) / π.
 
-        Under the light of a sun, nine coefficients leave a part of the shadowed side below zero; it is cut off.
+        Parameters
+        ----------
+        n : mi.Vector3f
+            Unit normals.
+
+        Returns
+        -------
+        mi.Color3f
+            Radiance [W sr⁻¹ m⁻²]. Opposite a small strong light the sum falls below zero; it is cut off there.
         """
-        x, y, z = n.x, n.y, n.z
-        polynomials = [mi.Float(1), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y]
         total = mi.Color3f(0)
-        for term, value in zip(self.terms, polynomials, strict=True):
-            total += term * value
+        for i, value in enumerate(harmonics(n.x, n.y, n.z)):
+            total += dr.gather(mi.Color3f, self.factors, mi.UInt32(i)) * value
         return dr.maximum(total, 0)

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from rsibr.geometry.frame import view_frame
+from rsibr.light.harmonic_irradiance import HarmonicIrradiance
 from rsibr.lobes.band_factors import phong
 from rsibr.methods.kautz2003.faces import averaged, box_levels
 from rsibr.methods.kautz2003.kautz2003 import Kautz2003
 from rsibr.methods.kautz2003.kautz_light import KautzLight
 from rsibr.methods.kautz2003.material_fit import KautzMaterial, Lobes, schlick_mix
-from rsibr.methods.kautz2003.nine_coefficients import FACE, NineCoefficients, coefficients
+from rsibr.methods.kautz2003.nine_coefficients import FACE, coefficients
 from tests.arrays import unit_vectors
 from tests.benchmarks.turns import in_turns, report
 
@@ -29,9 +30,9 @@ def test_nine_coefficients(benchmark, faces):
     """From faces of 8², as in the paper, to the device; beside them from 256², which are averaged first."""
     small = averaged(faces, FACE)
     contenders = {
-        "ours": lambda _: NineCoefficients.of(coefficients(small)),
+        "ours": lambda _: HarmonicIrradiance.of(coefficients(small)),
         "on the host alone": lambda _: coefficients(small),
-        "from 256²": lambda _: NineCoefficients.of(coefficients(faces)),
+        "from 256²": lambda _: HarmonicIrradiance.of(coefficients(faces)),
     }
     seconds = in_turns(contenders, rounds=ROUNDS)
     benchmark.pedantic(lambda: contenders["ours"](0), rounds=ROUNDS)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.geometry.projections.projection import projection
 from rsibr.geometry.projections.sphere_image import SphereImage, texel_directions, texel_solid_angles
+from rsibr.light.harmonic_irradiance import HarmonicIrradiance
 from rsibr.light.projected import light_in
 from rsibr.light.radiance import light_of
 from rsibr.lobes.band_factors import phong
@@ -23,7 +24,7 @@ from rsibr.methods.kautz2003.box_factors import bias_for
 from rsibr.methods.kautz2003.cube_pyramid import CubePyramid
 from rsibr.methods.kautz2003.faces import Faces, averaged, box_levels
 from rsibr.methods.kautz2003.kautz_light import KautzLight
-from rsibr.methods.kautz2003.nine_coefficients import FACE, NineCoefficients, coefficients
+from rsibr.methods.kautz2003.nine_coefficients import FACE, coefficients
 from rsibr.scene.config import EnvironmentConfig
 from rsibr.scene.environment import load_environment
 
@@ -72,8 +73,8 @@ def coefficients_error(faces: Faces, face: int = FACE) -> float:
     Claim (section 5.1.1): 8×8 texels a face are enough for accurate results.
     """
     n = _vector(even_directions(_NORMALS))
-    coarse, fine = (NineCoefficients.of(coefficients(faces, side)) for side in (face, faces.shape[1]))
-    return relative_error(_rows(coarse.diffuse(n)), _rows(fine.diffuse(n)))
+    coarse, fine = (HarmonicIrradiance.of(coefficients(faces, side)) for side in (face, faces.shape[1]))
+    return relative_error(_rows(coarse.mean_radiance(n)), _rows(fine.mean_radiance(n)))
 
 
 @backend.in_session
@@ -83,8 +84,8 @@ def diffuse_error(faces: Faces) -> float:
     Claim (section 4.1): the first nine functions suffice.
     """
     n = even_directions(_NORMALS)
-    nine = NineCoefficients.of(coefficients(faces, faces.shape[1]))
-    return relative_error(_rows(nine.diffuse(_vector(n))), lambert(faces, n))
+    nine = HarmonicIrradiance.of(coefficients(faces, faces.shape[1]))
+    return relative_error(_rows(nine.mean_radiance(_vector(n))), lambert(faces, n))
 
 
 @backend.in_session

@@ -2,66 +2,62 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
-
-import drjit as dr
-import mitsuba as mi
 
 from rsibr import backend
 from rsibr.geometry.projections.projection import projection
 from rsibr.light.projected import light_in
-from rsibr.lobes.microfacet import schlick
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.kautz2003.faces import Faces
 from rsibr.methods.kautz2003.kautz_light import KautzLight
 from rsibr.methods.kautz2003.material_fit import KautzMaterial, Lobes
 from rsibr.methods.kautz2003.nine_coefficients import FACE
-from rsibr.methods.kautz2003.options import Colour, choice, colour, flag, number, side
-from rsibr.methods.protocol import Needs, PointwiseMethod
+from rsibr.methods.kautz2003.schlick_mix import SchlickMix
+from rsibr.methods.options import Colour, choice, colour, flag, number, power_of_two, whole
+from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
+from rsibr.methods.shading_method import MOST_POINTS, POINTS, ShadingMethod
 
 FILTERS = ("box", "phong")
 """Filters of the glossy cube: the paper's own, and the one that it is compared with."""
 
-SIZE = 256
-"""Texels a side of the cube's finest level."""
+SIZE, MOST_SIZE = 256, 2048
+"""Texels a side of the cube's finest level: by default, and at most, 400 MB on the device."""
 
 
-class Kautz2003(PointwiseMethod):
+_CHECKS: dict[str, Callable[[str, Any], Any]] = {
+    "f_lambda": partial(colour, most=1.0),
+    "k_d": colour,
+    "k_s": colour,
+    "bias": number,
+    "exponent": partial(number, above=0.0),
+}
+"""Checks of the parameters that a user may give in place of the fit."""
+
+
+class Kautz2003(ShadingMethod):
     """Nine coefficients by the normal and a filtered cube by the direction of reflection, mixed by Schlick's term.
 
-    Parameters
+    Attributes
     ----------
     material : KautzMaterial
-        Parameters of the reflection model.
+        Parameters of the reflection model, with the errors of their fit.
     light : KautzLight
         Filtered environment.
     filtering : dict
         Options of `KautzLight.of` that `light` was made with.
-
-    Attributes
-    ----------
-    material, light
-        As given.
     """
 
     name = "kautz2003"
 
-    def __init__(self, material: KautzMaterial, light: KautzLight, filtering: dict[str, Any]) -> None:
+    def __init__(
+        self, inputs: MethodInputs, points: int, material: KautzMaterial, light: KautzLight, filtering: dict[str, Any]
+    ) -> None:
+        super().__init__(inputs, SchlickMix.of(material, light), points)
         self.material, self.light, self.filtering = material, light, filtering
-        colours = (material.f_lambda, material.k_d, material.k_s)
-        self._f, self._k_d, self._k_s = (mi.Color3f(*(float(value) for value in one)) for one in colours)
-        self._level = mi.Float(material.bias)
-        dr.make_opaque(self._f, self._k_d, self._k_s, self._level)
-
-    @backend.in_session
-    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
-        """See `Method.eval`; Kautz et al. (2003), eq. 8."""
-        cosine = dr.dot(n, v)
-        fresnel = dr.fma(1 - self._f, schlick(cosine), self._f)
-        diffuse, glossy = self.light.radiance(n, 2 * cosine * n - v, self._level)
-        return (1 - fresnel) * self._k_d * diffuse + fresnel * self._k_s * glossy
 
     @backend.in_session
     def refiltered(self, faces: Faces) -> Kautz2003:
@@ -72,7 +68,8 @@ class Kautz2003(PointwiseMethod):
         faces : ndarray, shape (6, N, N, 3)
             See `KautzLight.of`. With N as before, no kernel is compiled anew.
         """
-        other = Kautz2003(self.material, KautzLight.of(faces, **self.filtering), self.filtering)
+        light = KautzLight.of(faces, **self.filtering)
+        other = Kautz2003(self.inputs, self.points, self.material, light, self.filtering)
         other.name, other.cost = self.name, self.cost
         return other
 
@@ -95,6 +92,7 @@ def kautz2003(
     borders: bool = False,
     size: int = SIZE,
     coefficients_face: int = FACE,
+    points: int = POINTS,
 ) -> Kautz2003:
     """Make the method. What is None is fitted to the material; see `KautzMaterial`.
 
@@ -117,22 +115,20 @@ def kautz2003(
         Texels a side of the finest level, a power of two.
     coefficients_face : int
         Texels a side of the faces that the nine coefficients are computed from, a power of two.
+    points : int
+        Points along a side of a map's texel, whose mean the texel shows.
     """
     is_phong = choice("filter", filter, FILTERS) == "phong"
-    sizes = side("size", size), side("coefficients_face", coefficients_face)
-    given: dict[str, Any] = {
-        "f_lambda": colour("f_lambda", f_lambda, most=1.0),
-        "k_d": colour("k_d", k_d),
-        "k_s": colour("k_s", k_s),
-        "bias": number("bias", bias),
-        "exponent": number("exponent", exponent, above=0.0),
-    }
+    sizes = power_of_two("size", size, MOST_SIZE), power_of_two("coefficients_face", coefficients_face, MOST_SIZE)
+    values = {"f_lambda": f_lambda, "k_d": k_d, "k_s": k_s, "bias": bias, "exponent": exponent}
+    given = {name: check(name, values[name]) for name, check in _CHECKS.items() if values[name] is not None}
     fit = KautzMaterial.fitted(Lobes.of(inputs.shapes), sizes[0])
-    material = replace(fit, **{name: value for name, value in given.items() if value is not None})
+    material = replace(fit, **given)
     filtering: dict[str, Any] = {
         "coefficients_face": sizes[1],
         "borders": flag("borders", borders),
         "exponent": material.exponent if is_phong else None,
     }
     faces = light_in(inputs.light, projection("cube"), size)
-    return Kautz2003(material, KautzLight.of(faces, **filtering), filtering)
+    side = whole("points", points, 1, MOST_POINTS)
+    return Kautz2003(inputs, side, material, KautzLight.of(faces, **filtering), filtering)

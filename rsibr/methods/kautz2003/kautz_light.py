@@ -8,9 +8,10 @@ import drjit as dr
 import mitsuba as mi
 
 from rsibr import backend
+from rsibr.light.harmonic_irradiance import HarmonicIrradiance
 from rsibr.methods.kautz2003.cube_pyramid import CubePyramid
 from rsibr.methods.kautz2003.faces import Faces, box_levels, checked
-from rsibr.methods.kautz2003.nine_coefficients import FACE, NineCoefficients, coefficients
+from rsibr.methods.kautz2003.nine_coefficients import FACE, coefficients
 from rsibr.methods.kautz2003.phong_filter import phong_filtered
 
 
@@ -20,13 +21,13 @@ class KautzLight:
 
     Attributes
     ----------
-    diffuse : NineCoefficients
+    diffuse : HarmonicIrradiance
         For diffuse reflection.
     glossy : CubePyramid
         Box-filtered pyramid, or one level filtered with Phong's lobe.
     """
 
-    diffuse: NineCoefficients
+    diffuse: HarmonicIrradiance
     glossy: CubePyramid
 
     @classmethod
@@ -47,7 +48,7 @@ class KautzLight:
         exponent : float, optional
             Filter with Phong's lobe of this exponent instead of the box.
         """
-        nine = NineCoefficients.of(coefficients(checked(faces), coefficients_face))
+        nine = HarmonicIrradiance.of(coefficients(checked(faces), coefficients_face))
         levels = box_levels(faces) if exponent is None else [phong_filtered(faces, exponent)]
         return cls(nine, CubePyramid.of(levels, seams=borders))
 
@@ -61,4 +62,4 @@ class KautzLight:
         level : mi.Float
             Level of detail of the pyramid.
         """
-        return self.diffuse.diffuse(n), self.glossy.lookup(dr.normalize(r), level)
+        return self.diffuse.mean_radiance(n), self.glossy.lookup(dr.normalize(r), level)

@@ -13,19 +13,18 @@ from rsibr.errors import InputError
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.miller1984.illumination import illumination_table
 from rsibr.methods.miller1984.miller1984 import (
-    Colour,
     Miller1984,
     checked_exponent,
     checked_sizes,
-    colour_of,
     miller1984,
 )
 from rsibr.methods.miller1984.polar_table import Lookup, PolarTable
 from rsibr.methods.miller1984.reflectance import phong
-from rsibr.methods.miller1984.table_method import POINTS, Shading, TableMethod
 from rsibr.methods.miller1984.tables import ILLUMINATION_ROWS, phong_rows, specular_map
+from rsibr.methods.options import Colour, colour
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
+from rsibr.methods.shading_method import POINTS, Shading, ShadingMethod
 
 
 @dataclass(eq=False)
@@ -80,7 +79,7 @@ def backscatter(
     method = miller1984(inputs, illumination_rows=illumination_rows, **options)
     checked_exponent("n_b", n_b, illumination_rows)
     light, rows = illumination_table(inputs.light, illumination_rows), phong_rows(n_b, illumination_rows)
-    table = specular_map(light, 2 * (n_b + 1) * colour_of("albedo", albedo), phong(n_b), rows, rows)
+    table = specular_map(light, 2 * (n_b + 1) * colour("albedo", albedo), phong(n_b), rows, rows)
     shading = Backscatter(method.shading, PolarTable.of(table, options.get("lookup", "bilinear")))
     return Miller1984(inputs, shading, method.points, method.material, method.fit)
 
@@ -144,7 +143,7 @@ def refraction(
     lookup: Lookup = "bilinear",
     illumination_rows: int = ILLUMINATION_ROWS,
     points: int = POINTS,
-) -> TableMethod:
+) -> ShadingMethod:
     """Make the method, which replaces the material of the bake.
 
     Parameters
@@ -162,6 +161,6 @@ def refraction(
         raise InputError(f"{ior!r} is no index of refraction", where="ior", fix="give a number > 0, such as 1.5")
     checked_sizes(lookup, points, illumination_rows)
     table = PolarTable.of(illumination_table(inputs.light, illumination_rows), lookup)
-    transmitted = mi.Color3f(colour_of("k", k).tolist())
+    transmitted = mi.Color3f(colour("k", k).tolist())
     dr.make_opaque(transmitted)
-    return TableMethod(inputs, Refraction(table, dr.opaque(mi.Float, ior), transmitted), points)
+    return ShadingMethod(inputs, Refraction(table, dr.opaque(mi.Float, ior), transmitted), points)

@@ -27,10 +27,11 @@ from rsibr.methods.miller1984.material_fit import MaterialFit
 from rsibr.methods.miller1984.miller1984 import Miller1984, checked_sizes, two_maps
 from rsibr.methods.miller1984.polar_table import Lookup, PolarTable
 from rsibr.methods.miller1984.reflectance import zonal
-from rsibr.methods.miller1984.table_method import POINTS, TwoMaps
 from rsibr.methods.miller1984.tables import DIFFUSE_ROWS, phong_rows
+from rsibr.methods.miller1984.two_maps import TwoMaps
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
+from rsibr.methods.shading_method import POINTS
 
 Array = NDArray[np.float64]
 

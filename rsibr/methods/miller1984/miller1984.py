@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,6 @@ from rsibr.methods.miller1984.illumination import illumination_table
 from rsibr.methods.miller1984.material_fit import MaterialFit, PhongMaterial
 from rsibr.methods.miller1984.polar_table import LOOKUPS, Lookup, PolarTable
 from rsibr.methods.miller1984.reflectance import VARNISH, lambert, self_luminous
-from rsibr.methods.miller1984.table_method import MOST_POINTS, POINTS, Shading, TableMethod, TwoMaps
 from rsibr.methods.miller1984.tables import (
     DIFFUSE_ROWS,
     ILLUMINATION_ROWS,
@@ -28,13 +27,13 @@ from rsibr.methods.miller1984.tables import (
     specular_map,
     specular_reflectance,
 )
+from rsibr.methods.miller1984.two_maps import TwoMaps
+from rsibr.methods.options import Colour, choice, colour, whole
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
+from rsibr.methods.shading_method import MOST_POINTS, POINTS, Shading, ShadingMethod
 
 Array = NDArray[np.float64]
-
-Colour = float | Sequence[float]
-"""One number, or one a channel."""
 
 Weights = Sequence[float] | Sequence[Sequence[float]]
 """Weights by view angle, evenly spaced in √cos θ from grazing to head-on: numbers, or one a channel."""
@@ -43,7 +42,7 @@ Diffuse = Literal["lambert", "self-luminous"]
 """Diffuse convolution functions of section 6.1."""
 
 
-class Miller1984(TableMethod):
+class Miller1984(ShadingMethod):
     """Shading by a diffuse map D and a specular map S; Miller & Hoffman (1984), section 3.
 
     Attributes
@@ -125,7 +124,7 @@ def miller1984(
     points : int
         Points along a side of a map's texel, whose mean the texel shows: the box filter of section 8.1.
     """
-    known_word("diffuse", diffuse, ("lambert", "self-luminous"))
+    choice("diffuse", diffuse, get_args(Diffuse))
     sizes = checked_sizes(lookup, points, illumination_rows, diffuse_rows, specular_rows)
     fit, material = fitted_material(inputs, sizes, k_d=k_d, k_s=k_s, n=n, varnish=varnish, w_d=w_d, w_s=w_s)
     illumination = illumination_table(inputs.light, sizes.illumination)
@@ -134,9 +133,8 @@ def miller1984(
 
 def checked_sizes(lookup: str, points: int, *rows: int | None) -> Sizes:
     """Sizes of the tables with so many `rows`; raises an InputError if an option makes no sense."""
-    known_word("lookup", lookup, LOOKUPS)
-    if not (isinstance(points, int) and 1 <= points <= MOST_POINTS):
-        raise InputError(f"{points!r} is no number of points", where="points", fix=f"give one from 1 to {MOST_POINTS}")
+    choice("lookup", lookup, LOOKUPS)
+    whole("points", points, 1, MOST_POINTS)
     return Sizes(*rows)  # type: ignore[arg-type]  # checks them itself
 
 
@@ -154,8 +152,8 @@ def fitted_material(inputs: MethodInputs, sizes: Sizes, **given: Any) -> tuple[M
     if varnish is not None and not np.isinf(material.n):
         material = replace(material, mirror=VARNISH if varnish else 0.0)
     checks: dict[str, Callable[[str, Any], Array]] = {
-        "k_d": colour_of,
-        "k_s": colour_of,
+        "k_d": colour,
+        "k_s": colour,
         "w_d": _weights,
         "w_s": _weights,
     }
@@ -165,26 +163,12 @@ def fitted_material(inputs: MethodInputs, sizes: Sizes, **given: Any) -> tuple[M
     return fit, replace(material, **changes)
 
 
-def known_word(option: str, word: str, words: Sequence[str]) -> None:
-    """Raise an InputError unless `word` is one of `words`."""
-    if word not in words:
-        raise InputError(f"unknown '{word}'", where=option, fix=f"use one of: {', '.join(words)}")
-
-
 def checked_exponent(option: str, n: float, rows: int) -> None:
     """Raise an InputError unless an illumination table of so many rows resolves the exponent `n`."""
     highest = highest_exponent(rows)
     if not 0 < n <= highest:
         what = f"{n!r} is not within 0 and {highest:.0f}, where a lobe is as wide as a texel of the illumination table"
-        raise InputError(what, where=option, fix="give more illumination_rows; n = inf is a perfect mirror")
-
-
-def colour_of(name: str, value: Colour) -> Array:
-    """Three numbers ≥ 0 of a colour that a user gave as the option `name`; raises an InputError."""
-    array = np.asarray(value, dtype=np.float64)
-    if array.shape not in {(), (3,)} or not (np.isfinite(array).all() and (array >= 0).all()):
-        raise InputError(f"{value!r} is no colour", where=name, fix="give one number or three, ≥ 0")
-    return np.array(np.broadcast_to(array, 3))
+        raise InputError(what, where=f"option {option}", fix="give more illumination_rows; n = inf is a perfect mirror")
 
 
 def _weights(name: str, value: Weights) -> Array:
@@ -192,6 +176,8 @@ def _weights(name: str, value: Weights) -> Array:
     if array.ndim == 1:
         array = np.repeat(array[:, None], 3, axis=1)
     if array.ndim != 2 or array.shape[1] != 3 or len(array) < 2 or not np.isfinite(array).all():
-        raise InputError("is no table of weights", where=name, fix="give at least two numbers, or rows of three")
+        raise InputError(
+            "is no table of weights", where=f"option {name}", fix="give at least two numbers, or rows of three"
+        )
     place = np.linspace(0, 1, len(array))
     return np.stack([np.interp(np.sqrt(cosines()), place, channel) for channel in array.T], axis=1)

@@ -45,7 +45,9 @@ class Sizes:
     def __post_init__(self) -> None:
         for name, rows in vars(self).items():
             if rows is not None and not (isinstance(rows, int) and rows >= 1):
-                raise InputError(f"{rows!r} is no number of rows", where=f"{name}_rows", fix="give a whole number ≥ 1")
+                raise InputError(
+                    f"{rows!r} is no number of rows", where=f"option {name}_rows", fix="give a whole number ≥ 1"
+                )
 
     def of_specular(self, n: float, mirrored: float) -> int:
         """Rows of S for the exponent `n` and the mirror part `mirrored`."""

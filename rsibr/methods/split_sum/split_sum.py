@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal, get_args
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
-from rsibr import backend
-from rsibr.errors import InputError
 from rsibr.geometry.projections.bordered_texels import BorderedTexels
-from rsibr.geometry.projections.sphere_map import covered_middle, normal_from_disk, texel_centre, tiled_texels
 from rsibr.light.harmonic_irradiance import HarmonicIrradiance, light_coefficients
 from rsibr.lobes.albedo import NODES
 from rsibr.methods.cosine_table import CosineTable
-from rsibr.methods.frozen import Frozen
 from rsibr.methods.inputs import MethodInputs
-from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
-from rsibr.methods.protocol import Needs, PointwiseMethod
+from rsibr.methods.options import choice, flag, whole
+from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
+from rsibr.methods.shading_method import MOST_POINTS, POINTS, ShadingMethod
 from rsibr.methods.split_sum.delta_highlights import DeltaHighlights
 from rsibr.methods.split_sum.material_fit import fit_lobe, mean_error
 from rsibr.methods.split_sum.multiple_scattering import multiple_scattering
 from rsibr.methods.split_sum.prefiltered_cube import SHARP, PrefilteredCube, Sources, mip_chain
+from rsibr.methods.split_sum.split_shading import GlossyLobe, SplitShading
 
 Albedo = Literal["dfg", "exact"]
 """Factor of a glossy lobe: F₀ A + F₉₀ B, or the lobe's own directional albedo."""
@@ -36,61 +30,14 @@ LEAST_SIZE, MOST_SIZE = 4, 1024
 _FAINT, _BLURRED = 1e-3, 0.3  # share of the brightest lobe below which one of at least such a roughness gets no cube
 
 
-@dataclass(eq=False)
-class GlossyLobe:
-    """One prefiltered cube and its factor.
-
-    Attributes
-    ----------
-    cube : PrefilteredCube
-        Environment prefiltered for the lobe's roughness, indexed by the mirror direction.
-    albedo : CosineTable
-        Directional albedo by the cosine of the view angle.
-    """
-
-    cube: PrefilteredCube
-    albedo: CosineTable
-
-
-@dataclass(eq=False)
-class Shading:
-    """What is looked up, on the device.
-
-    Attributes
-    ----------
-    glossy : list of GlossyLobe
-        Split sums that are added.
-    diffuse : CosineTable
-        Albedo of all that follows the normal, by the cosine of the view angle.
-    irradiance : HarmonicIrradiance
-        Irradiance by the normal.
-    highlights : DeltaHighlights or None
-        Reflections of delta lights; None if there are no such lights.
-    """
-
-    glossy: list[GlossyLobe]
-    diffuse: CosineTable
-    irradiance: HarmonicIrradiance
-    highlights: DeltaHighlights | None
-
-    def radiance(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
-        """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
-        cosine = dr.dot(n, v)
-        mirrored = 2 * cosine * n - v
-        total = self.diffuse.colour(cosine) * self.irradiance.mean_radiance(n)
-        for lobe in self.glossy:
-            total += lobe.albedo.colour(cosine) * lobe.cube.lookup(mirrored)
-        return total if self.highlights is None else total + self.highlights.radiance(n, v)
-
-
-class SplitSum(PointwiseMethod):
+class SplitSum(ShadingMethod):
     """Split sum: ∫ f L cos θ dω ≈ E(n·v) · (prefiltered environment in the mirror direction), for each glossy lobe.
 
     Parameters
     ----------
     inputs : MethodInputs
         Light and lobes of a bake.
-    albedo, multiscatter, chain, size
+    albedo, multiscatter, chain, size, points
         See `split_sum`.
 
     Attributes
@@ -99,14 +46,13 @@ class SplitSum(PointwiseMethod):
         The fit of each lobe, with its errors.
     fit_error : float
         Mean of the lobes' errors, weighted by their albedo over the disk of a sphere map; see `LobeFit.error`.
-    shading : Shading
+    shading : SplitShading
         Cubes and tables on the device.
     """
 
     def __init__(
-        self, inputs: MethodInputs, *, albedo: Albedo, multiscatter: bool, chain: bool, size: int | None
+        self, inputs: MethodInputs, *, albedo: Albedo, multiscatter: bool, chain: bool, size: int | None, points: int
     ) -> None:
-        super().__init__(inputs)
         self.name = "split-sum"
         self.fits = [fit_lobe(name, *lobe) for name, lobe in inputs.shapes.items()]
         self.fit_error = mean_error(self.fits)
@@ -124,31 +70,8 @@ class SplitSum(PointwiseMethod):
         again = multiple_scattering(glossy, albedos) if multiscatter else np.zeros((NODES, 3))
         irradiance = HarmonicIrradiance.of(light_coefficients(inputs.light))
         diffuse = CosineTable.of(matte + again)
-        self.shading = Shading(lobes, diffuse, irradiance, DeltaHighlights.of(inputs.light, glossy, diffuse))
-        self._frozen = Frozen(_image)
-
-    @backend.in_session
-    def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
-        """See `Method.eval`."""
-        return self.shading.radiance(n, v)
-
-    @backend.in_session
-    def map(self, frame: NDArray[np.float64], resolution: int) -> mi.TensorXf:
-        """See `Method.map`; from the second view on it is replayed."""
-        image = self._frozen(self.shading, mi.Float(frame.T.ravel().tolist()), resolution)
-        return mi.TensorXf(image, (resolution, resolution, 4))
-
-    def image(self, columns: mi.Float, resolution: int) -> mi.Float:
-        """Trace the texels of a map, row-major RGBA, flat; `columns` holds the frame's columns as nine floats."""
-        return _image(self.shading, columns, resolution)
-
-
-def _image(shading: Shading, columns: mi.Float, resolution: int) -> mi.Float:
-    to_world, texel = frame_from(columns), tiled_texels(resolution)
-    p = texel_centre(texel, resolution)
-    n = to_world @ normal_from_disk(covered_middle(p, resolution))
-    radiance = shading.radiance(n, view_of(to_world))
-    return laid_out(dr.select(touches_disk(p, resolution), as_rgba(radiance), 0), texel, resolution)
+        highlights = DeltaHighlights.of(inputs.light, glossy, diffuse)
+        super().__init__(inputs, SplitShading(lobes, diffuse, irradiance, highlights), points)
 
 
 def _cube(sources: Sources, alpha: float, levels: list[BorderedTexels] | None, size: int | None) -> PrefilteredCube:
@@ -170,6 +93,7 @@ def split_sum(
     multiscatter: bool = False,
     chain: bool = False,
     size: int | None = None,
+    points: int = POINTS,
 ) -> SplitSum:
     """Make the method.
 
@@ -188,16 +112,15 @@ def split_sum(
         roughness.
     size : int, optional
         Texels a side of a face of each cube, or of the finest level of the chain; by default chosen by the roughness.
+    points : int
+        Points along a side of a map's texel, whose mean the texel shows.
     """
-    _require(albedo in get_args(Albedo), "albedo", albedo, f"use one of: {', '.join(get_args(Albedo))}")
-    for name, value in (("multiscatter", multiscatter), ("chain", chain)):
-        _require(isinstance(value, bool), name, value, "give true or false")
-    is_size = type(size) is int and LEAST_SIZE <= size <= MOST_SIZE
-    _require(size is None or is_size, "size", size, f"give {LEAST_SIZE} to {MOST_SIZE} texels")
-    return SplitSum(inputs, albedo=albedo, multiscatter=multiscatter, chain=chain, size=size)
-
-
-def _require(is_good: bool, option: str, value: object, fix: str) -> None:
-    """Raise an InputError unless the value of an option, which users give, is good."""
-    if not is_good:
-        raise InputError(f"'{value}' is no {option}", where=f"split-sum, {option}", fix=fix)
+    choice("albedo", albedo, get_args(Albedo))
+    return SplitSum(
+        inputs,
+        albedo=albedo,
+        multiscatter=flag("multiscatter", multiscatter),
+        chain=flag("chain", chain),
+        size=None if size is None else whole("size", size, LEAST_SIZE, MOST_SIZE),
+        points=whole("points", points, 1, MOST_POINTS),
+    )

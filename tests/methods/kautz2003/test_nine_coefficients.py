@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from rsibr.methods.kautz2003.nine_coefficients import COSINE_LOBE, FACE, NineCoefficients, basis, coefficients
+from rsibr.light.harmonic_irradiance import COSINE_LOBE, HarmonicIrradiance, harmonics
+from rsibr.methods.kautz2003.nine_coefficients import FACE, coefficients
 from tests.arrays import to_numpy, unit_vectors, vector
 from tests.methods.kautz2003.skies import NINE, faces_of, grey, harmonic, solid_angle
 
@@ -18,7 +19,7 @@ def lit(sky, face=SIZE, size=SIZE):
 
 def test_the_basis_is_that_of_spherical_harmonics(rng):
     d = unit_vectors(rng, 50)
-    for found, (band, order) in zip(basis(*d.T), NINE, strict=True):
+    for found, (band, order) in zip(harmonics(*d.T), NINE, strict=True):
         assert found == pytest.approx(harmonic(band, order, d), abs=1e-12)
 
 
@@ -65,7 +66,7 @@ def test_lambert_under_each_function_of_three_bands(i, rng):
 
 
 def diffuse(values, n):
-    return to_numpy(NineCoefficients.of(values).diffuse(vector(n)))[0]
+    return to_numpy(HarmonicIrradiance.of(values).mean_radiance(vector(n)))[0]
 
 
 def test_the_fourth_band_is_lost(rng):

@@ -168,17 +168,17 @@ def test_constants_and_weights_of_the_user_come_before_the_fit():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"diffuse": "phong"}, "diffuse: unknown 'phong'. Use one of: lambert, self-luminous"),
-        ({"lookup": "cubic"}, "lookup: unknown 'cubic'"),
-        ({"n": 0.0}, "n: 0.0 is not within 0 and"),
-        ({"n": 1e6}, "n: 1000000.0 is not within 0 and"),
-        ({"k_d": (1, 2)}, "k_d: "),
-        ({"k_s": -1.0}, "k_s: "),
-        ({"w_d": [1.0]}, "w_d: "),
-        ({"w_s": [[1.0, np.nan, 0.0]] * 2}, "w_s: "),
-        ({"specular_rows": 0}, "specular_rows: "),
-        ({"points": 0}, "points: "),
-        ({"illumination_rows": 1.5}, "illumination_rows: "),
+        ({"diffuse": "phong"}, "option diffuse: unknown diffuse 'phong'. There are: lambert, self-luminous"),
+        ({"lookup": "cubic"}, "option lookup: unknown lookup 'cubic'"),
+        ({"n": 0.0}, "option n: 0.0 is not within 0 and"),
+        ({"n": 1e6}, "option n: 1000000.0 is not within 0 and"),
+        ({"k_d": (1, 2)}, "option k_d: "),
+        ({"k_s": -1.0}, "option k_s: "),
+        ({"w_d": [1.0]}, "option w_d: "),
+        ({"w_s": [[1.0, np.nan, 0.0]] * 2}, "option w_s: "),
+        ({"specular_rows": 0}, "option specular_rows: "),
+        ({"points": 0}, "option points: "),
+        ({"illumination_rows": 1.5}, "option illumination_rows: "),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_a_line(options, message):

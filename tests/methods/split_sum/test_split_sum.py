@@ -138,7 +138,7 @@ def test_a_new_view_compiles_nothing():
     ("option", "value"), [("albedo", "exakt"), ("multiscatter", 1), ("chain", "yes"), ("size", 2.5), ("size", 4096)]
 )
 def test_an_option_that_makes_no_sense_is_refused_in_one_line(option, value):
-    with pytest.raises(InputError, match=f"'{value}' is no {option}") as refused:
+    with pytest.raises(InputError, match=f"option {option}: .*{value}") as refused:
         made(light_of(lambda _: GREY), (lobe_shapes.ggx(0.1), HALF), **{option: value})
     assert "\n" not in str(refused.value)
 

@@ -1,4 +1,4 @@
-"""Checks of the method's options, which users give on the command line and in configs."""
+"""Checks of the options of methods, which users give on the command line and in configs."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from rsibr.errors import InputError, did_you_mean
 
 Colour = float | Sequence[float] | NDArray[np.float64]
 """One value for all channels, or three."""
-
-_MOST_TEXELS = 2048  # a side: 400 MB on the device
 
 
 def choice(name: str, value: Any, known: Sequence[str]) -> str:
@@ -30,28 +28,31 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
-def side(name: str, value: Any) -> int:
-    """Return texels a side, a power of two."""
+def whole(name: str, value: Any, least: int, most: int) -> int:
+    """Return a whole number within limits."""
     is_whole = isinstance(value, int) and not isinstance(value, bool)
-    is_good = is_whole and 1 <= value <= _MOST_TEXELS and not value & (value - 1)
-    _require(is_good, name, value, f"give a power of two up to {_MOST_TEXELS}")
+    _require(is_whole and least <= value <= most, name, value, f"give a whole number from {least} to {most}")
     return int(value)
 
 
-def number(name: str, value: Any, *, above: float = -np.inf) -> float | None:
-    """Return a finite number above a limit, or None."""
-    if value is None:
-        return None
+def power_of_two(name: str, value: Any, most: int) -> int:
+    """Return a power of two up to a limit."""
+    is_whole = isinstance(value, int) and not isinstance(value, bool)
+    is_good = is_whole and 1 <= value <= most and not value & (value - 1)
+    _require(is_good, name, value, f"give a power of two up to {most}")
+    return int(value)
+
+
+def number(name: str, value: Any, *, above: float = -np.inf) -> float:
+    """Return a finite number above a limit."""
     is_number = type(value) in (int, float) and bool(np.isfinite(value))
     limit = "" if above == -np.inf else f" above {above:g}"
     _require(is_number and float(value) > above, name, value, f"give a number{limit}")
     return float(value)
 
 
-def colour(name: str, value: Any, most: float = np.inf) -> NDArray[np.float64] | None:
-    """Return a reflectance of shape (3,) in [0, `most`], or None."""
-    if value is None:
-        return None
+def colour(name: str, value: Any, *, most: float = np.inf) -> NDArray[np.float64]:
+    """Return a colour of shape (3,) in [0, `most`]."""
     try:
         found = np.broadcast_to(np.asarray(value, dtype=np.float64), (3,))
         is_good = bool(np.isfinite(found).all() and (found >= 0).all() and (found <= most).all())
@@ -68,4 +69,4 @@ def _require(is_good: bool, name: str, value: Any, fix: str) -> None:
 
 
 def _where(name: str) -> str:
-    return f"kautz2003, {name}"
+    return f"option {name}"

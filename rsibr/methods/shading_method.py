@@ -1,8 +1,7 @@
-"""Base of the methods of this package: shading by table lookups, for single points and for whole sphere maps."""
+"""Base of methods that shade by lookups in arrays of their own, for single points and for whole sphere maps."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import drjit as dr
@@ -12,11 +11,9 @@ from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.geometry.projections.sphere_map import covered_middle, normal_from_disk, texel_centre, tiled_texels
-from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.frozen import Frozen
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
-from rsibr.methods.miller1984.polar_table import PolarTable
 from rsibr.methods.protocol import PointwiseMethod
 from rsibr.methods.texel_mean import texel_mean
 
@@ -32,35 +29,7 @@ class Shading(Protocol):
         ...
 
 
-@dataclass(eq=False)
-class TwoMaps:
-    """Shading W_d(E·N) D[N] + W_s(E·N) S[R] with R = 2(E·N)N − E; Miller & Hoffman (1984), section 3.
-
-    Attributes
-    ----------
-    diffuse, specular : PolarTable or None
-        Maps D and S; None where their constant is zero.
-    w_d, w_s : CosineTable
-        Weights W_d and W_s.
-    """
-
-    diffuse: PolarTable | None
-    specular: PolarTable | None
-    w_d: CosineTable
-    w_s: CosineTable
-
-    def radiance(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
-        """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
-        cosine = dr.dot(n, v)
-        radiance = mi.Color3f(0 * cosine)
-        if self.diffuse is not None:
-            radiance += self.w_d.colour(cosine) * self.diffuse.fetch(n)
-        if self.specular is not None:
-            radiance += self.w_s.colour(cosine) * self.specular.fetch(2 * cosine * n - v)
-        return radiance
-
-
-class TableMethod(PointwiseMethod):
+class ShadingMethod(PointwiseMethod):
     """Method whose radiance is that of a `Shading`.
 
     Parameters
@@ -106,5 +75,5 @@ def _image(shading: Shading, columns: mi.Float, resolution: int, points: int) ->
 
     side = mi.UInt32(points)
     spacing = mi.Float(2 / resolution)
-    radiance = seen(n) if points == 1 else texel_mean(n, spacing, (side, side), seen, "miller1984")
+    radiance = seen(n) if points == 1 else texel_mean(n, spacing, (side, side), seen, "shading")
     return laid_out(dr.select(touches_disk(p, resolution), as_rgba(radiance), 0), texel, resolution)
