@@ -158,7 +158,7 @@ def refraction(
         As of `miller1984`.
     """
     if not (np.isfinite(ior) and ior > 0):
-        raise InputError(f"{ior!r} is no index of refraction", where="ior", fix="give a number > 0, such as 1.5")
+        raise InputError(f"{ior!r} is no index of refraction", where="option ior", fix="give a number > 0, such as 1.5")
     checked_sizes(lookup, points, illumination_rows)
     table = PolarTable.of(illumination_table(inputs.light, illumination_rows), lookup)
     transmitted = mi.Color3f(colour("k", k).tolist())
