@@ -183,7 +183,7 @@ def print_validation(found: Validation, out: Path, *, json_output: bool) -> None
         row = (str(summary.rel_mse), f"{summary.smape:.4f}", f"{summary.flip:.4f}", f"{summary.seconds * 1e3:.1f}")
         point = "" if summary.eval_seconds is None else f"{summary.eval_seconds * 1e9:.0f}"
         prepare = f"{summary.prepare_seconds + summary.compile_seconds:.1f}"
-        table.add_row(name, *row, point, f"{found.bake.seconds:.1f}", prepare, pays)
+        table.add_row(name, *row, point, f"{summary.bake_seconds:.1f}", prepare, pays)
     print_table(table)
     typer.echo(f"report: {printable(out / 'report.html')}")
 

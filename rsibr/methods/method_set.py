@@ -97,7 +97,7 @@ class MethodSet(Mapping[str, Method]):
         if not options:
             made.name = name
         on_device = device_bytes([getattr(made, "__dict__", made), *self.inputs.made(shared.used)])
-        made.cost = Cost(*self._read(shared.used), own + shared.seconds_ever, on_device)
+        made.cost = self._cost(shared.used, own + shared.seconds_ever, on_device)
         return made
 
     def _configured(self, method: Registration) -> dict[str, Any]:
@@ -107,12 +107,14 @@ class MethodSet(Mapping[str, Method]):
         method.require_options(table, f"{self.inputs.bake.path}: methods.{method.name}")
         return {option: value for option, value in table.items() if option not in method.fixed}
 
-    def _read(self, used: set[str]) -> tuple[float, int]:
-        """Time [s] to render, and size on disk [bytes] of, the files of the bake behind the inputs that were used."""
+    def _cost(self, used: set[str], prepare_seconds: float, device_bytes: int) -> Cost:
+        """Cost of a method that used these inputs: of the bake, only what is behind them."""
         bake, light = self.inputs.bake, self.inputs.bake.manifest.light
-        of_light = light.bytes if light is not None else 0
-        maps = (bake.seconds, bake.bytes - of_light) if "maps" in used else (0.0, 0)
-        return maps[0], maps[1] + (of_light if "light" in used else 0)
+        of_light = 0 if light is None else light.bytes
+        reads_maps = "maps" in used
+        seconds = bake.seconds - (0.0 if reads_maps else bake.manifest.seconds)
+        size = (bake.bytes - of_light if reads_maps else 0) + (of_light if "light" in used else 0)
+        return Cost(max(0.0, seconds), size, prepare_seconds, device_bytes, reads_maps)
 
 
 def require_served(method: Registration, bake: StoredMaps) -> None:

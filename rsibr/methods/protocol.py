@@ -28,7 +28,7 @@ class Cost:
     Attributes
     ----------
     bake_seconds : float
-        Wall time of the bake's maps [s]; 0 for a method that reads none of them.
+        Wall time of the bake [s]; without the rendering of its maps for a method that reads none of them.
     bytes : int
         Size on disk of the files that the method reads [bytes].
     prepare_seconds : float
@@ -36,12 +36,15 @@ class Cost:
         shared by several methods counts in full for each of them.
     device_bytes : int
         Size of the method's arrays on the device [bytes].
+    reads_maps : bool
+        Whether the method reads stored maps.
     """
 
     bake_seconds: float = 0.0
     bytes: int = 0
     prepare_seconds: float = 0.0
     device_bytes: int = 0
+    reads_maps: bool = False
 
     def preparing(self, seconds: float) -> Cost:
         """Return the cost with `seconds` added to the preparation time."""

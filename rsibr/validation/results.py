@@ -81,7 +81,7 @@ class MethodResult:
 
 @dataclass(frozen=True)
 class MethodStart:
-    """Time of a method before its first map.
+    """Cost of a method before its first map.
 
     Attributes
     ----------
@@ -89,10 +89,14 @@ class MethodStart:
         Preparation time [s], see `rsibr.methods.protocol.Cost`.
     compile_seconds : float
         Extra time of the first map: tracing and compilation [s].
+    bake_seconds, bytes : float, int
+        Time of the bake [s] and size on disk [bytes] behind what the method reads, see `Cost`.
     """
 
     prepare_seconds: float = 0.0
     compile_seconds: float = 0.0
+    bake_seconds: float = 0.0
+    bytes: int = 0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -165,6 +169,8 @@ class MethodSummary:
         Preparation time of the method [s], see `Cost`.
     compile_seconds : float
         Extra time of the first map: tracing and compilation [s].
+    bake_seconds, bytes : float, int
+        See `MethodStart`.
     path_tracing_seconds : float
         Time of the reference's path tracer to the same relMSE on one map [s]; a lower bound if the error is below the
         noise floor.
@@ -186,6 +192,8 @@ class MethodSummary:
     eval_seconds: float | None
     prepare_seconds: float
     compile_seconds: float
+    bake_seconds: float
+    bytes: int
     path_tracing_seconds: float
     break_even_views: int | None
 
@@ -207,7 +215,7 @@ class Validation:
     plan : Plan or None
         Effects that the bake simulated; None in a bake without a plan.
     starts : dict of str to MethodStart
-        Time of each method before its first map; empty if it was not measured.
+        Cost of each method before its first map; empty if it was not measured: the whole bake counts then.
     """
 
     bake: BakeSummary
@@ -249,8 +257,8 @@ class Validation:
         values = [error.rel_mse.value for error in errors]
         energy = [error.energy_ratio for error in errors if error.energy_ratio is not None]
         path_tracing = self._path_tracing_seconds(rel_mse)
-        start = self.starts.get(name, MethodStart())
-        once = self.bake.seconds + start.prepare_seconds + start.compile_seconds
+        start = self.starts.get(name) or MethodStart(bake_seconds=self.bake.seconds, bytes=self.bake.bytes)
+        once = start.bake_seconds + start.prepare_seconds + start.compile_seconds
         points = [result.eval for result in results if result.eval is not None]
         return MethodSummary(
             rel_mse=rel_mse,
@@ -269,6 +277,8 @@ class Validation:
             eval_seconds=float(np.mean([point.seconds for point in points])) if points else None,
             prepare_seconds=start.prepare_seconds,
             compile_seconds=start.compile_seconds,
+            bake_seconds=start.bake_seconds,
+            bytes=start.bytes,
             path_tracing_seconds=path_tracing,
             break_even_views=break_even_views(once, path_tracing, float(np.mean(seconds))),
         )

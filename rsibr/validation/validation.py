@@ -20,7 +20,7 @@ from rsibr.geometry.novel_views import novel_views as drawn_views
 from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.job_size import JobSize
 from rsibr.methods.method_set import MethodSet
-from rsibr.methods.protocol import Method
+from rsibr.methods.protocol import Cost, Method
 from rsibr.methods.reconstruction import Reconstruction, run
 from rsibr.methods.registry import available, method_names, registration
 from rsibr.scene.environment import Environment
@@ -148,7 +148,7 @@ def validate(
             found[name] = MethodResult(made.image, error, made.seconds, points)
         results.append(ViewResult(frame, reference, found, label, judge.at(frame) if judge else None))
     on_progress(len(chosen), len(chosen))
-    before = {name: MethodStart(method_set[name].cost.prepare_seconds, compiled) for name, compiled in starts.items()}
+    before = {name: _start(method_set[name].cost, compiled) for name, compiled in starts.items()}
     validation = Validation(bake_summary(opened), results, exposures, health, opened.manifest.plan, before)
     if out is not None:
         write_report(validation, Path(out))
@@ -228,6 +228,10 @@ def _mean_radiance(maps: Sequence[MapFile]) -> float:
 
 def _seed(bake: Bake) -> int:
     return int(bake.config["sampling"]["seed"])
+
+
+def _start(cost: Cost, compile_seconds: float) -> MethodStart:
+    return MethodStart(cost.prepare_seconds, compile_seconds, cost.bake_seconds, cost.bytes)
 
 
 def bake_summary(bake: Bake) -> BakeSummary:

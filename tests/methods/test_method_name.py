@@ -128,3 +128,5 @@ def test_a_method_pays_for_the_files_that_it_reads(small_bakes):
     assert methods["rsibr"].cost.bytes == bake.bytes
     assert methods["cabral1999"].cost.bytes == bake.bytes - light
     assert methods["cabral1999"].cost.bake_seconds == bake.seconds > 0
+    assert methods["miller1984"].cost.bytes == light
+    assert 0 <= methods["miller1984"].cost.bake_seconds < bake.seconds - 0.5 * bake.manifest.seconds

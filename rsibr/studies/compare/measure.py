@@ -233,7 +233,7 @@ def _cost(
     bake: BakeRecord, method: Method, of_maps: _MapCosts, seconds: Sequence[float], eval_seconds: Sequence[float]
 ) -> CostRecord:
     """Costs of a method; without the rendering of stored maps for one that reads none."""
-    reads_maps = method.cost.bake_seconds > 0
+    reads_maps = method.cost.reads_maps
     whole = bake.seconds.median if reads_maps else bake.setup_seconds
     return CostRecord(
         reads_maps=reads_maps,

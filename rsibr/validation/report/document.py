@@ -94,20 +94,21 @@ class SummaryModel(StrictModel):
     eval_seconds: Positive | None = Field(None, description="time of one evaluation of eval; null: not measured")
     prepare_seconds: Positive = Field(0.0, description="preparation: decode, upload, tables, residuals")
     compile_seconds: Positive = Field(0.0, description="extra time of the first map: tracing and compilation")
-    bytes: int = Field(ge=0, description="size on disk of the bake that the method reads")
+    bake_seconds: Positive = Field(0.0, description="bake, without the rendering of maps if the method reads none")
+    bytes: int = Field(ge=0, description="size on disk of what the method reads: maps, light, or both")
     path_tracing_seconds: Positive = Field(description="time of a path-traced map of equal relMSE")
     break_even_views: int | None = Field(
         description="views from which bake and reconstruction take no more time than path tracing; null: never"
     )
 
     @classmethod
-    def of(cls, summary: MethodSummary, size: int) -> SummaryModel:
-        """Make the model of a method's summary; `size` is that of the bake on disk [bytes]."""
+    def of(cls, summary: MethodSummary) -> SummaryModel:
+        """Make the model of a method's summary."""
         values: dict[str, Any] = dict(vars(summary))
         values["rel_mse"] = EstimateModel.of(summary.rel_mse)
         values["eval_rel_mse"] = None if summary.eval_rel_mse is None else EstimateModel.of(summary.eval_rel_mse)
         values["rel_mse_zones"] = {zone: EstimateModel.of(e) for zone, e in summary.rel_mse_zones.items()}
-        return cls(**values, bytes=size)
+        return cls(**values)
 
 
 class BakeModel(StrictModel):
@@ -188,7 +189,7 @@ def metrics_document(validation: Validation) -> MetricsDocument:
             flip_exposures=FlipModel(**vars(validation.exposures)),
         ),
         views=[ViewModel.of(view) for view in validation.views],
-        summary={name: SummaryModel.of(s, validation.bake.bytes) for name, s in validation.summary.items()},
+        summary={name: SummaryModel.of(s) for name, s in validation.summary.items()},
         lobes=LobesModel.of(validation.lobes) if validation.lobes else None,
         health=None if validation.health is None else HealthModel.of(validation.health),
         plan=validation.plan,
