@@ -12,7 +12,8 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from rsibr.geometry.projections.cube import CUBE, FACES
+from rsibr.geometry.projections.cube import CUBE
+from rsibr.geometry.projections.faces import FACES
 from rsibr.geometry.projections.sphere_image import texel_directions, texel_solid_angles
 from rsibr.methods.split_sum.multilevel_sum import PointSources
 from rsibr.methods.split_sum.prefiltered_cube import prefiltered
