@@ -144,12 +144,13 @@ def _bake_scene(
             return plan_manifest(scene, scene.viewpoints, sampling, budget)
 
         with BakeWriter.open(out, manifest, fresh=fresh) as writer:
+            is_finished = writer.has_light and not writer.pending  # only what the manifest records has changed
             if not writer.has_light:
                 writer.commit_light(scene.light)
             if writer.pending and writer.manifest.sampling is not None:
                 on_start(writer.manifest.sampling, len(writer.pending))
             _bake_views(writer, sampler, on_progress)
-            _record_end(writer, scene, begun)
+            _record_end(writer, scene, time.perf_counter() if is_finished else begun)
     return _sound(open_bake(out), scene)
 
 

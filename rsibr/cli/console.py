@@ -93,7 +93,7 @@ def note_non_finite(map_: Reconstruction) -> None:
     """Print the number of texels of a reconstruction that are not finite, if there are any."""
     count = int((~np.isfinite(map_.image).all(axis=-1)).sum())
     if count:
-        console.print(f"note: {count} texels are not finite (NaN or infinite), as are texels of the stored maps")
+        console.print(f"note: {count} texels are not finite (NaN or infinite)")
 
 
 def _bars() -> Progress:

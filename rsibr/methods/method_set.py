@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rsibr import backend
-from rsibr.errors import BakeError
+from rsibr.errors import BakeError, InputError
 from rsibr.methods.device_size import device_bytes
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.protocol import Cost, Method
@@ -91,8 +91,11 @@ class MethodSet(Mapping[str, Method]):
         require_served(found, self.inputs.bake)
         with backend.session(), self.inputs.watched() as shared:
             start = time.perf_counter()
-            made = found.make(self.inputs, **{**self._configured(found), **options})
+            made: Any = found.make(self.inputs, **{**self._configured(found), **options})
             backend.synchronize()
+            if not isinstance(made, Method):
+                what = f"makes {type(made).__name__}, which is no method: it has no eval and no map"
+                raise InputError(what, where=f"method {name}", fix="name a class such as one of PointwiseMethod")
             own = time.perf_counter() - start - shared.seconds_here
         if not options:
             made.name = name

@@ -216,6 +216,10 @@ def registration(name: str) -> Registration:
 def require_method_options(config: Config) -> None:
     """Raise an InputError if the config sets options that a method does not have (`Config.methods`)."""
     for name, options in (config.methods or {}).items():
+        if parse_name(name)[1]:
+            raise InputError(
+                "a name with options", where=f"methods.{name}", fix="give the options as keys of the table"
+            )
         registration(name).require_options(options, f"methods.{name}")
 
 

@@ -403,6 +403,15 @@ class Config(_Section):
         return () if self.plugins is None else self.plugins.modules
 
     @model_validator(mode="after")
+    def _finite_options(self) -> Config:
+        for method, options in (self.methods or {}).items():
+            for option, value in options.items():
+                numbers = value if isinstance(value, list) else [value]
+                if any(isinstance(one, float) and not math.isfinite(one) for one in numbers):
+                    raise ValueError(f"methods.{method}.{option} is not finite: write it as text, in quotes")
+        return self
+
+    @model_validator(mode="after")
     def _one_budget(self) -> Config:
         if self.budget is not None and self.sampling.decided_later:
             raise ValueError("[budget] decides on the samples: leave out sampling.target_error and time_budget_s")

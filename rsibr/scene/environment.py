@@ -166,7 +166,9 @@ def _read(config: EnvironmentConfig) -> Environment:
     if config.emitter is not None:
         config, scale = _of_envmap(plugin, config)
     if config.faces is not None:
-        latlong = read_faces(config.faces, layer=config.layer, projection=config.projection or "cube")
+        latlong = read_faces(
+            config.faces, layer=config.layer, projection="cube" if config.projection is None else config.projection
+        )
     else:
         assert config.file is not None
         latlong = read_latlong(config.file, layer=config.layer, projection=config.projection)

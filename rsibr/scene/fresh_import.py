@@ -40,7 +40,7 @@ def imported_afresh(name: str, where: str) -> list[ModuleType]:
     before = _taken_out(key)
     try:
         _run_file(key, Path(name)) if is_file else importlib.import_module(key)
-        return [sys.modules[entry] for entry in _family(key)]
+        return [sys.modules[entry] for entry in sorted(_family(key), key=len)]  # the module itself first
     except (Exception, SystemExit) as error:  # whatever the user's module raises
         raise _import_error(error, name, where) from None
     finally:

@@ -104,7 +104,7 @@ def read_latlong(
             fix=f"leave out {PROJECTION_KEY}",
         )
     image, clipped, lowest = _without_negatives(image)
-    name, turn = projection or stated or "latlong", 0.0
+    name, turn = projection if projection is not None else stated or "latlong", 0.0
     sheets = None
     if name == "latlong-openexr":
         image, turn = without_seam(image)

@@ -197,7 +197,7 @@ def _continued(path: Path, manifest: Manifest | Callable[[Manifest | None], Mani
         what = f"holds a bake of another config ({'; '.join(differing)})"
         raise BakeError(what, where=str(path), fix="use --fresh to bake anew, or another --out")
     light = found.light if found.light and is_sound_light(path, found.light) else None
-    kept = wanted.model_copy(update={"light": light})
+    kept = wanted.model_copy(update={"light": light, "wall_seconds": found.wall_seconds})
     done = [state for state in found.views if state.done]
     known = kept.with_views(*done)  # as planned now, with the checksums that were found
     return kept.with_views(*(state for state in done if is_sound_map(path, known, state.index)))

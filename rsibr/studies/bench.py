@@ -69,6 +69,11 @@ class Bench:
         how = {"repeats": judge.repeats, "errors_only": judge.errors_only}
         return {"kind": kind, "format": _FORMAT, **self.scene.identity, **judged, **how, **settings}
 
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options that the config sets for methods, as a part of the keys of their results."""
+        return {"methods": self.scene.config.methods} if self.scene.config.methods else {}
+
     def known_path_tracing(self, samples: Sequence[int], pass_samples: int | None) -> list[PathTracingRecord] | None:
         """Return stored measurements of path tracing, None without any."""
         known = self.journal.find(self.key("path-tracing", samples=list(samples), pass_samples=pass_samples))
@@ -133,7 +138,8 @@ class Bench:
 
     def _point_key(self, size: BakeSize, variant: Variant) -> dict[str, Any]:
         """Key of a point: the method counts with its code, because a version number stays through many changes."""
-        return self.key("point", size=vars(size), variant=vars(variant), method_code=method_digest(variant.method))
+        code = method_digest(variant.method)
+        return self.key("point", size=vars(size), variant=vars(variant), method_code=code, **self.options)
 
     def _bake_key(self, size: BakeSize) -> dict[str, Any]:
         return {"kind": "bake", **self.scene.content, "size": vars(size)}

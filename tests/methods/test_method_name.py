@@ -88,6 +88,21 @@ def test_the_documented_example_works_by_its_address(grey, small_bakes, tmp_path
     assert f"view_01_{file_stem(names[0])}.png" in pictures
 
 
+def test_a_package_that_imports_its_own_modules_holds_a_method(grey, tmp_path):
+    package = tmp_path / "toy_package"
+    package.mkdir()
+    (package / "helper.py").write_text("VALUE = 0.5")
+    code = (tmp_path / "toy_grey_example.py").read_text()
+    (package / "__init__.py").write_text("from . import helper\n" + code)
+    assert registration("toy_package:Grey").options == {"value": 0.5}
+
+
+def test_what_makes_no_method_is_refused(grey, small_bakes, tmp_path):
+    (tmp_path / "toy_none.py").write_text("def make(inputs):\n    return 1\n")
+    with pytest.raises(InputError, match="method toy_none:make: makes int, which is no method"):
+        MethodSet(small_bakes("rough-aluminium"))["toy_none:make"]
+
+
 def test_options_of_a_config_hold_for_its_bake_and_yield_to_the_name(small_bakes):
     bake = small_bakes("rough-aluminium")
 
@@ -116,6 +131,11 @@ def test_a_finished_bake_takes_over_options_without_rendering(tmp_path):
     again = rsibr.bake({**config, "methods": {"cabral1999": {"weights": "gnomonic"}}}, out=tmp_path / "a.rsibr")
     assert again.config["methods"] == {"cabral1999": {"weights": "gnomonic"}}
     assert [view.sha256 for view in again.manifest.views] == [view.sha256 for view in first.manifest.views]
+    assert again.seconds == pytest.approx(first.seconds, rel=0.05)  # nothing was made
+    with pytest.raises(InputError, match=r"methods.cabral1999,weights=area: its name has options"):
+        rsibr.bake({**config, "methods": {"cabral1999,weights=area": {}}}, out=tmp_path / "b.rsibr")
+    with pytest.raises(InputError, match=r"methods.miller1984.n is not finite: write it as text"):
+        rsibr.bake({**config, "methods": {"miller1984": {"n": float("inf")}}}, out=tmp_path / "b.rsibr")
     with pytest.raises(InputError, match=r"methods.cabral1999: cabral1999 has no option 'x'"):
         rsibr.bake({**config, "methods": {"cabral1999": {"x": 1}}}, out=tmp_path / "b.rsibr")
     with pytest.raises(InputError, match="unknown method 'cabral99'"):

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
-from rsibr.errors import InputError
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.miller1984.illumination import illumination_table
 from rsibr.methods.miller1984.miller1984 import (
@@ -21,7 +18,7 @@ from rsibr.methods.miller1984.miller1984 import (
 from rsibr.methods.miller1984.polar_table import Lookup, PolarTable
 from rsibr.methods.miller1984.reflectance import phong
 from rsibr.methods.miller1984.tables import ILLUMINATION_ROWS, phong_rows, specular_map
-from rsibr.methods.options import Colour, colour
+from rsibr.methods.options import Colour, colour, number
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
 from rsibr.methods.shading_method import POINTS, Shading, ShadingMethod
@@ -60,7 +57,8 @@ def backscatter(
     albedo: Colour = 0.2,
     n_b: float = 20.0,
     illumination_rows: int = ILLUMINATION_ROWS,
-    **options: Any,
+    lookup: Lookup = "bilinear",
+    points: int = POINTS,
 ) -> Miller1984:
     """Make the method.
 
@@ -73,14 +71,14 @@ def backscatter(
         Light of a constant sky that is reflected back: k_s = 2(n + 1) · albedo.
     n_b : float
         Exponent of the Phong function around the viewing direction.
-    illumination_rows, **options
-        Of `miller1984`.
+    illumination_rows, lookup, points
+        Of `miller1984`; its other options keep their defaults.
     """
-    method = miller1984(inputs, illumination_rows=illumination_rows, **options)
+    method = miller1984(inputs, illumination_rows=illumination_rows, lookup=lookup, points=points)
     checked_exponent("n_b", n_b, illumination_rows)
     light, rows = illumination_table(inputs.light, illumination_rows), phong_rows(n_b, illumination_rows)
     table = specular_map(light, 2 * (n_b + 1) * colour("albedo", albedo), phong(n_b), rows, rows)
-    shading = Backscatter(method.shading, PolarTable.of(table, options.get("lookup", "bilinear")))
+    shading = Backscatter(method.shading, PolarTable.of(table, lookup))
     return Miller1984(inputs, shading, method.points, method.material, method.fit)
 
 
@@ -157,8 +155,7 @@ def refraction(
     lookup, illumination_rows, points
         As of `miller1984`.
     """
-    if not (np.isfinite(ior) and ior > 0):
-        raise InputError(f"{ior!r} is no index of refraction", where="option ior", fix="give a number > 0, such as 1.5")
+    number("ior", ior, above=0.01, most=100.0)
     checked_sizes(lookup, points, illumination_rows)
     table = PolarTable.of(illumination_table(inputs.light, illumination_rows), lookup)
     transmitted = mi.Color3f(colour("k", k).tolist())

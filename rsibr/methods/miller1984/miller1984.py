@@ -28,7 +28,7 @@ from rsibr.methods.miller1984.tables import (
     specular_reflectance,
 )
 from rsibr.methods.miller1984.two_maps import TwoMaps
-from rsibr.methods.options import Colour, choice, colour, whole
+from rsibr.methods.options import Colour, choice, colour, flag, number, table, whole
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
 from rsibr.methods.shading_method import MOST_POINTS, POINTS, Shading, ShadingMethod
@@ -87,7 +87,7 @@ def miller1984(
     *,
     k_d: Colour | None = None,
     k_s: Colour | None = None,
-    n: float | None = None,
+    n: float | str | None = None,
     varnish: bool | None = None,
     w_d: Weights | None = None,
     w_s: Weights | None = None,
@@ -106,8 +106,8 @@ def miller1984(
         Light and lobes of a bake.
     k_d, k_s : float or three floats, optional
         Diffuse and specular constants.
-    n : float, optional
-        Exponent of Phong's function; `math.inf` for a perfect mirror.
+    n : float or str, optional
+        Exponent of Phong's function; infinite, or "inf", for a perfect mirror.
     varnish : bool, optional
         Whether the specular function has the mirror part of a clear varnish coat; by default where the material has a
         delta lobe beside a glossy one.
@@ -140,9 +140,8 @@ def checked_sizes(lookup: str, points: int, *rows: int | None) -> Sizes:
 
 def fitted_material(inputs: MethodInputs, sizes: Sizes, **given: Any) -> tuple[MaterialFit, PhongMaterial]:
     """Fit of the lobes, and the material with what is `given` in place of the fit; names as of `miller1984`."""
-    n, varnish = given["n"], given["varnish"]
-    if n is not None and not np.isinf(n):
-        checked_exponent("n", n, sizes.illumination)
+    n = _exponent(given["n"], sizes.illumination)
+    varnish = None if given["varnish"] is None else flag("varnish", given["varnish"])
     fit = MaterialFit.of(list(inputs.shapes.values()), None if n is None or np.isinf(n) else n)
     fit = replace(fit, n=min(fit.n, highest_exponent(sizes.illumination)))
     material = fit.material()
@@ -163,21 +162,23 @@ def fitted_material(inputs: MethodInputs, sizes: Sizes, **given: Any) -> tuple[M
     return fit, replace(material, **changes)
 
 
-def checked_exponent(option: str, n: float, rows: int) -> None:
-    """Raise an InputError unless an illumination table of so many rows resolves the exponent `n`."""
+def checked_exponent(option: str, n: float, rows: int) -> float:
+    """Return an exponent; raise an InputError unless an illumination table of so many rows resolves it."""
     highest = highest_exponent(rows)
-    if not 0 < n <= highest:
-        what = f"{n!r} is not within 0 and {highest:.0f}, where a lobe is as wide as a texel of the illumination table"
+    if not number(option, n, above=0.0) <= highest:
+        what = f"{n:g} is more than {highest:.0f}, where a lobe is as wide as a texel of the illumination table"
         raise InputError(what, where=f"option {option}", fix="give more illumination_rows; n = inf is a perfect mirror")
+    return float(n)
+
+
+def _exponent(n: float | str | None, rows: int) -> float | None:
+    """Exponent that was given, infinite for a mirror."""
+    if n is None or n in (np.inf, "inf"):
+        return None if n is None else np.inf
+    return checked_exponent("n", n, rows)  # type: ignore[arg-type]  # checks it
 
 
 def _weights(name: str, value: Weights) -> Array:
-    array = np.asarray(value, dtype=np.float64)
-    if array.ndim == 1:
-        array = np.repeat(array[:, None], 3, axis=1)
-    if array.ndim != 2 or array.shape[1] != 3 or len(array) < 2 or not np.isfinite(array).all():
-        raise InputError(
-            "is no table of weights", where=f"option {name}", fix="give at least two numbers, or rows of three"
-        )
+    array = table(name, value)
     place = np.linspace(0, 1, len(array))
     return np.stack([np.interp(np.sqrt(cosines()), place, channel) for channel in array.T], axis=1)

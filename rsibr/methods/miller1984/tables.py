@@ -8,17 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.errors import InputError
 from rsibr.geometry.projections.latlong import POLAR
 from rsibr.methods.miller1984.convolution import convolved
 from rsibr.methods.miller1984.material_fit import PhongMaterial
 from rsibr.methods.miller1984.reflectance import Reflectance, mirror, phong
+from rsibr.methods.options import whole
 
 Array = NDArray[np.float64]
 
 ILLUMINATION_ROWS = 504
 """Rows of the illumination table, with twice as many columns: 0.36° a texel, as fine as the light of a bake. A multiple
 of 36, so that the columns of the usual maps divide its own."""
+
+MOST_ROWS = 2048
+"""Most rows of a table: 200 MB of numbers."""
 
 DIFFUSE_ROWS = 36
 """Rows of D, with twice as many columns; Miller & Hoffman (1984), section 6.1."""
@@ -44,10 +47,8 @@ class Sizes:
 
     def __post_init__(self) -> None:
         for name, rows in vars(self).items():
-            if rows is not None and not (isinstance(rows, int) and rows >= 1):
-                raise InputError(
-                    f"{rows!r} is no number of rows", where=f"option {name}_rows", fix="give a whole number ≥ 1"
-                )
+            if rows is not None:
+                whole(f"{name}_rows", rows, 1, MOST_ROWS)
 
     def of_specular(self, n: float, mirrored: float) -> int:
         """Rows of S for the exponent `n` and the mirror part `mirrored`."""

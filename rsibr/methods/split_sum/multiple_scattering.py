@@ -29,7 +29,9 @@ def multiple_scattering(fits: Sequence[LobeFit], albedos: Sequence[Array]) -> Ar
     -----
     Fdez-Agüera (2019), section 4: with E_ss = A + B the energy scattered once without a Fresnel term, F̄ = F₀ + (F₉₀ −
     F₀)/21 the mean reflectance and Fss E_ss the albedo, E_ms (Fss E_ss) F̄/(1 − F̄ E_ms) is reflected like a matte
-    surface, E_ms = 1 − E_ss. A white lobe reflects all light then.
+    surface, E_ms = 1 − E_ss. A white lobe of GGX reflects all light then, as far as the fit has its
+    reflectances: up to α = 0.3 within 1 %; a bake splits rougher ones into a glossy and a matte lobe, and a part
+    stays lost.
     """
     total = np.zeros((NODES, 3))
     for fit, albedo in zip(fits, albedos, strict=True):

@@ -19,7 +19,7 @@ class CompareDocument(Record):
     schema_version: Literal[1] = Field(alias="schema")
     name: str
     machine: MachineRecord
-    reference_samples: int = Field(description="samples a texel asked of each reference")
+    reference_samples: int = Field(description="samples a texel asked of each reference; the least, if configs differ")
     shown_view: int = Field(description="number of the view in scenes[].views whose maps are shown, from 0")
     seconds: Positive = Field(description="wall time of this run; a resumed run counts its own part")
     systems: list[str] = Field(description="names of methods and external maps, in display order")

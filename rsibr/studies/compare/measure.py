@@ -113,7 +113,7 @@ class SceneBench:
 
     def _key(self, size: BakeSize, name: str) -> dict[str, Any]:
         code = {"code": source_digest(*_CODE), "method_code": method_digest(name)}
-        return self.bench.key("system", size=vars(size), method=name, **code)
+        return self.bench.key("system", size=vars(size), method=name, **code, **self.bench.options)
 
     def _facts(self, size: BakeSize, name: str) -> dict[str, Any] | None:
         """Stored facts of a measurement, None without one."""

@@ -51,10 +51,10 @@ class ScenePictures:
     def named(self) -> Iterator[tuple[str, Rgba]]:
         """Yield file names and pictures."""
         yield f"{self.folder}_reference.png", self.reference
-        yield f"{self.folder}_reference_noise.png", self.noise
+        yield f"{self.folder}_noise.png", self.noise
         for name, drawn in self.systems.items():
-            yield f"{self.folder}_{file_stem(name)}.png", drawn.image
-            yield f"{self.folder}_{file_stem(name)}_error.png", drawn.error
+            yield f"{self.folder}_map_{file_stem(name)}.png", drawn.image
+            yield f"{self.folder}_error_{file_stem(name)}.png", drawn.error
 
 
 def draw_scene(

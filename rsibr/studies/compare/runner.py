@@ -164,7 +164,7 @@ class _Run:
             schema=1,
             name=", ".join(one.study.name for one in self.settings),
             machine=machine_record(backend.use()),
-            reference_samples=self.settings[0].study.judge.samples,
+            reference_samples=min(one.study.judge.samples for one in self.settings),
             shown_view=SHOWN,
             seconds=time.perf_counter() - self.begun,
             systems=self.names,
