@@ -96,16 +96,16 @@ def _print_errors(classes: Sequence[ClassRecord]) -> None:
     from rich.table import Table
 
     from rsibr.cli.table import print_table
-    from rsibr.validation.report.page import number
+    from rsibr.studies.compare.page import shown
 
-    by_class = {record.name: {one.label: one.rel_mse for one in record.means} for record in classes}
+    by_class = {record.name: {one.label: shown(one) for one in record.means} for record in classes}
     table = Table(box=SIMPLE_HEAD, title="relMSE, geometric mean over the scenes of a class", title_justify="left")
     table.add_column("setting", no_wrap=True)
     for name in by_class:
         table.add_column(printable(name))
     for label in dict.fromkeys(label for errors in by_class.values() for label in errors):
         errors = (found.get(label) for found in by_class.values())
-        table.add_row(printable(label), *("–" if error is None else number(error, 2) for error in errors))
+        table.add_row(printable(label), *(error or "–" for error in errors))
     print_table(table)
 
 

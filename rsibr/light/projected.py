@@ -39,7 +39,7 @@ def light_in(light: Light, projection: Projection, size: Size, *, delta: bool = 
     >>> bool(np.allclose(light_in(grey, projection("cube"), 8), 1.0))
     True
     """
-    source = SphereImage(OCTAHEDRAL, light.picture[None])
+    source = SphereImage(OCTAHEDRAL, light.picture[None, ::-1])  # the picture has −Y at the top
     values = converted(source, projection, size).values
     return _with_delta(values, light.delta, projection) if delta and len(light.delta) else values
 

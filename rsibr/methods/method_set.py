@@ -97,8 +97,7 @@ class MethodSet(Mapping[str, Method]):
                 what = f"makes {type(made).__name__}, which is no method: it has no eval and no map"
                 raise InputError(what, where=f"method {name}", fix="name a class such as one of PointwiseMethod")
             own = time.perf_counter() - start - shared.seconds_here
-        if not options:
-            made.name = name
+        made.name = ",".join([name, *(f"{option}={value}" for option, value in options.items())])
         on_device = device_bytes([getattr(made, "__dict__", made), *self.inputs.made(shared.used)])
         made.cost = self._cost(shared.used, own + shared.seconds_ever, on_device)
         return made

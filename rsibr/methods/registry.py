@@ -207,6 +207,13 @@ def registration(name: str) -> Registration:
     base, options = parse_name(name)
     known = registrations()
     if base not in known and not is_address(base):
+        named, _, rest = base.partition(",")
+        if named in known:
+            what, fix = (
+                f"'{rest[:40]}' gives no option a value",
+                "write NAME,OPTION=VALUE, as in rsibr,weights=area",
+            )
+            raise InputError(what, where=f"method {named}", fix=fix)
         there = f"there are: {', '.join(method_names())}"
         raise InputError(f"unknown method '{base}'", where="method", fix=did_you_mean(base, known) + there)
     found = known[base] if base in known else _at(base)
@@ -217,9 +224,7 @@ def require_method_options(config: Config) -> None:
     """Raise an InputError if the config sets options that a method does not have (`Config.methods`)."""
     for name, options in (config.methods or {}).items():
         if parse_name(name)[1]:
-            raise InputError(
-                "a name with options", where=f"methods.{name}", fix="give the options as keys of the table"
-            )
+            raise InputError("its name has options", where=f"methods.{name}", fix="give them as keys of the table")
         registration(name).require_options(options, f"methods.{name}")
 
 

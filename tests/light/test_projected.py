@@ -5,6 +5,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from rsibr.geometry.projections.octahedral import texel_directions as octahedral_directions
 from rsibr.geometry.projections.octahedral import texel_solid_angles as octahedral_angles
 from rsibr.geometry.projections.projection import projection
 from rsibr.geometry.projections.sphere_image import SphereImage, texel_directions, texel_solid_angles
@@ -51,7 +52,7 @@ def test_the_energy_of_a_single_texel_stays(name):
 def test_a_lamp_is_where_it_was(name):
     picture = np.zeros((SIDE, SIDE, 3), np.float32)
     picture[40:42, 11:13] = 1.0
-    (towards,) = to_numpy(texel_directions(projection("octahedral"), SIDE)).T.reshape(SIDE, SIDE, 3)[40:41, 11]
+    (towards,) = to_numpy(octahedral_directions(SIDE)).T.reshape(SIDE, SIDE, 3)[40:41, 11]
     table = light_in(Light(picture), projection(name), 24).reshape(-1, 3)
     weight = texel_solid_angles(projection(name), 24).reshape(-1, 1) * table[:, :1]
     mean = (weight * to_numpy(texel_directions(projection(name), 24)).T).sum(axis=0)

@@ -13,15 +13,16 @@ from rsibr.geometry.projections.texel_axis import TexelAxis
 
 
 class Octahedral(Projection):
-    """Octahedron folded open into a square: +Z in the middle, −Z in the corners, p_x along +x and p_y along +y."""
+    """Octahedron folded open into a square: +Z in the middle, −Z in the corners, +X on the right, +Y at the top."""
 
     name = "octahedral"
 
     def direction(self, sheet: mi.UInt32, p: mi.Point2f) -> mi.Vector3f:  # noqa: D102, ARG002
-        return direction_from_square(2 * p - 1)
+        return direction_from_square(mi.Point2f(2 * p.x - 1, 1 - 2 * p.y))
 
     def place(self, d: mi.Vector3f) -> Place:  # noqa: D102
-        return mi.UInt32(0), 0.5 + 0.5 * square_from_direction(d)
+        q = square_from_direction(d)
+        return mi.UInt32(0), mi.Point2f(0.5 + 0.5 * q.x, 0.5 - 0.5 * q.y)
 
     def density(self, sheet: mi.UInt32, p: mi.Point2f) -> mi.Float:  # noqa: D102
         size = dr.abs(self.direction(sheet, p))

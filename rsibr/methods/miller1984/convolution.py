@@ -60,7 +60,7 @@ def convolved(illumination: Array, reflectance: Reflectance, rows: int, columns:
             for out, used in ((row, light), (rows - 1 - row, height - 1 - light)):
                 around = np.einsum("hk,hkc->kc", kernel, spectrum[used])
                 table[out, chosen] = np.fft.irfft(around, n=width, axis=0)[at]
-    return np.maximum(table / (4 * np.pi), 0.0)  # the transform leaves rounding below zero in the dark
+    return np.asarray(table / (4 * np.pi))
 
 
 def _kernel(

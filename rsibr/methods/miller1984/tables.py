@@ -20,8 +20,8 @@ ILLUMINATION_ROWS = 504
 """Rows of the illumination table, with twice as many columns: 0.36° a texel, as fine as the light of a bake. A multiple
 of 36, so that the columns of the usual maps divide its own."""
 
-MOST_ROWS = 2048
-"""Most rows of a table: 200 MB of numbers."""
+MOST_ROWS = 1024
+"""Most rows of a table: 50 MB of numbers, and some minutes of sums if both tables have as many."""
 
 DIFFUSE_ROWS = 36
 """Rows of D, with twice as many columns; Miller & Hoffman (1984), section 6.1."""
@@ -68,7 +68,7 @@ def phong_rows(n: float, most: int) -> int:
     Examples
     --------
     >>> phong_rows(10, 504), phong_rows(1000, 504)
-    (56, 504)
+    (42, 504)
     """
     wanted = min(max(_TEXELS * math.pi * math.sqrt(n), DIFFUSE_ROWS), most)
     return min(rows for rows in range(1, most + 1) if most % rows == 0 and rows >= wanted)
@@ -92,7 +92,8 @@ def diffuse_map(illumination: Array, k_d: Array, reflectance: Reflectance, rows:
     -------
     ndarray, shape (rows, 2 rows, 3)
     """
-    return k_d * convolved(illumination, reflectance, rows, 2 * rows)
+    # The transform leaves rounding below zero where it is dark
+    return np.maximum(k_d * convolved(illumination, reflectance, rows, 2 * rows), 0.0)
 
 
 def specular_map(illumination: Array, k_s: Array, reflectance: Reflectance, rows: int, phong_rows: int) -> Array:
@@ -111,7 +112,7 @@ def specular_map(illumination: Array, k_s: Array, reflectance: Reflectance, rows
     """
     if reflectance.values is None:
         return k_s * reflectance.mirror * resized(illumination, rows)
-    glossy = resized(k_s * convolved(illumination, reflectance, phong_rows, 2 * phong_rows), rows)
+    glossy = np.maximum(resized(k_s * convolved(illumination, reflectance, phong_rows, 2 * phong_rows), rows), 0.0)
     return glossy + (reflectance.mirror * resized(illumination, rows) if reflectance.mirror else 0.0)
 
 

@@ -15,10 +15,13 @@ from rsibr.studies.results import Positive, Record
 
 COSTS: dict[str, Callable[[CostRecord], float]] = {
     "once_seconds": lambda cost: cost.once_seconds,
-    "bytes": lambda cost: float(cost.bytes),
+    "bytes": lambda cost: max(float(cost.bytes), _LEAST_BYTES),
     "frame_seconds": lambda cost: cost.frame_seconds.median,
 }
 """Costs, each with a front and a table: time before the first map, bytes on the device, time of a map."""
+
+_LEAST_BYTES = 64.0
+"""Memory that a method without arrays counts as, so that it has a place on a logarithmic axis."""
 
 _STEPS = {"s": (1.0, 2.0, 5.0), "B": (1.0, 4.0, 16.0, 64.0, 256.0)}
 _MOST_ROWS = 9
@@ -45,6 +48,8 @@ class Candidate:
         Standard error of its logarithm.
     costs : dict of str to float
         By the names of `COSTS`.
+    is_bound : bool
+        Whether `rel_mse` is an upper limit: the error, on one scene or on some of them, is below the noise floor.
     """
 
     label: str
@@ -52,6 +57,7 @@ class Candidate:
     rel_mse: float
     spread: float
     costs: dict[str, float]
+    is_bound: bool = False
 
     @property
     def ci95(self) -> tuple[float, float]:
@@ -70,7 +76,8 @@ class MeanRecord(Record):
 
     label: str
     system: str
-    rel_mse: Positive = Field(description="an error below the noise floor counts as that")
+    rel_mse: Positive = Field(description="an error below the noise floor counts as its upper limit")
+    is_bound: bool = Field(False, description="an upper limit: below the noise floor on a scene or on several")
     ci95: tuple[Positive, Positive] = Field(description="due to the noise of the references")
     costs: dict[str, Positive] = Field(description="once_seconds, bytes, frame_seconds; empty for external maps")
 
@@ -82,6 +89,7 @@ class WinnerRecord(Record):
     label: str
     system: str
     rel_mse: Positive
+    is_bound: bool = Field(False, description="an upper limit: below the noise floor on a scene or on several")
     level_with: list[str] = Field(description="other systems below the next budget whose error intervals overlap")
 
 
@@ -90,6 +98,7 @@ class BestRecord(Record):
 
     label: str
     rel_mse: Positive
+    is_bound: bool = Field(False, description="an upper limit: below the noise floor on a scene or on several")
     is_least: bool = Field(description="of all systems within the budget, or level with the least")
 
 
@@ -207,7 +216,14 @@ def _class(name: str | None, scenes: Sequence[ComparedScene]) -> ClassRecord:
         material_class=name,
         scenes=len(scenes),
         means=[
-            MeanRecord(label=one.label, system=one.system, rel_mse=one.rel_mse, ci95=one.ci95, costs=one.costs)
+            MeanRecord(
+                label=one.label,
+                system=one.system,
+                rel_mse=one.rel_mse,
+                is_bound=one.is_bound,
+                ci95=one.ci95,
+                costs=one.costs,
+            )
             for one in means
         ],
         winners={cost: winners(measured, cost) for cost in COSTS},
@@ -227,15 +243,17 @@ def mean_candidates(scenes: Sequence[ComparedScene]) -> list[Candidate]:
 def candidate(record: SystemRecord) -> Candidate:
     """Error and costs of a setting on one scene."""
     error = record.error.rel_mse
-    value = max(error.resolved, _LEAST)
+    is_bound = error.below_noise_floor
+    value = max(error.ci95[1] if is_bound else error.value, error.resolved, _LEAST)
     costs = {} if record.cost is None else {name: cost(record.cost) for name, cost in COSTS.items()}
-    return Candidate(record.label, record.system, value, error.half_interval / (_Z * value), costs)
+    return Candidate(record.label, record.system, value, error.half_interval / (_Z * value), costs, is_bound)
 
 
 def _mean(found: Sequence[Candidate]) -> Candidate:
     costs = {name: _geometric([one.costs[name] for one in found]) for name in found[0].costs}
     spread = math.hypot(*(one.spread for one in found)) / len(found)
-    return replace(found[0], rel_mse=_geometric([one.rel_mse for one in found]), spread=spread, costs=costs)
+    rel_mse, is_bound = _geometric([one.rel_mse for one in found]), any(one.is_bound for one in found)
+    return replace(found[0], rel_mse=rel_mse, spread=spread, costs=costs, is_bound=is_bound)
 
 
 def _geometric(values: Sequence[float]) -> float:
@@ -264,6 +282,7 @@ def _winner(best: Candidate, candidates: Sequence[Candidate], cost: str, end: fl
         label=best.label,
         system=best.system,
         rel_mse=best.rel_mse,
+        is_bound=best.is_bound,
         level_with=list(dict.fromkeys(level)),
     )
 
@@ -275,7 +294,12 @@ def _within(candidates: Sequence[Candidate], cost: str, budget: float) -> Budget
             best[one.system] = one
     least = min(best.values(), key=lambda one: one.rel_mse, default=None)
     rows = {
-        name: BestRecord(label=one.label, rel_mse=one.rel_mse, is_least=least is not None and one.is_level_with(least))
+        name: BestRecord(
+            label=one.label,
+            rel_mse=one.rel_mse,
+            is_bound=one.is_bound,
+            is_least=least is not None and one.is_level_with(least),
+        )
         for name, one in best.items()
     }
     return BudgetRecord(budget=budget, best=rows)

@@ -140,7 +140,7 @@ def _band(axes: Axes, row: int, winners: Sequence[WinnerRecord], colours: Mappin
         start = max(one.budget, low)
         colour = colours[one.system]
         axes.barh(row, end - start, left=start, height=0.74, color=colour, edgecolor="white", linewidth=1)
-        text = readable(one.rel_mse, 2) + (" ≈" if one.level_with else "")
+        text = ("< " if one.is_bound else "") + readable(one.rel_mse, 2) + (" ≈" if one.level_with else "")
         if np.log(end / start) / np.log(high / low) > _LETTER * len(text):
             ink = "white" if np.dot(to_rgb(colour), (0.299, 0.587, 0.114)) < 0.55 else "black"
             axes.text(np.sqrt(start * end), row, text, ha="center", va="center", fontsize=7, color=ink)

@@ -9,7 +9,7 @@ from itertools import groupby
 from rsibr.methods.address import is_address
 from rsibr.methods.registry import registration, registrations
 from rsibr.studies.compare import figures
-from rsibr.studies.compare.budgets import COSTS, ClassRecord, WinnerRecord, unit_of
+from rsibr.studies.compare.budgets import COSTS, BestRecord, ClassRecord, MeanRecord, WinnerRecord, unit_of
 from rsibr.studies.compare.document import CompareDocument
 from rsibr.studies.compare.pictures import ScenePictures
 from rsibr.studies.compare.records import ComparedScene
@@ -61,6 +61,7 @@ def compare_page(document: CompareDocument, pictures: Sequence[ScenePictures]) -
         costs=COST_NAMES,
         amount=amount,
         told=estimate,
+        shown=shown,
         on_front=on_front,
     )
 
@@ -73,6 +74,11 @@ def answers(record: ClassRecord) -> list[str]:
 def amount(value: float, cost: str) -> str:
     """Format an amount of a cost."""
     return size(round(value)) if unit_of(cost) == "B" else duration(value)
+
+
+def shown(one: MeanRecord | WinnerRecord | BestRecord) -> str:
+    """Error of a setting, or its upper limit."""
+    return ("< " if one.is_bound else "") + readable(one.rel_mse, 2)
 
 
 def on_front(scene: ComparedScene, label: str) -> bool:
@@ -93,9 +99,9 @@ def _sequence(winners: Sequence[WinnerRecord], cost: str) -> str:
 
 def _run(winners: Sequence[WinnerRecord], cost: str) -> str:
     first, last = winners[0], winners[-1]
-    error = readable(first.rel_mse, 2)
+    error = shown(first)
     if len(winners) > 1:
-        error = f"{error}, {readable(last.rel_mse, 2)} from {amount(last.budget, cost)}"
+        error = f"{error}, {shown(last)} from {amount(last.budget, cost)}"
     level = f"; level with {' and '.join(last.level_with)}" if last.level_with else ""
     name = first.label if len(winners) == 1 else first.system
     return f"{name} from {amount(first.budget, cost)} (relMSE {error}{level})"

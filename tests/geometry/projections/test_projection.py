@@ -164,7 +164,7 @@ def test_the_nearest_texel_of_a_centre_is_its_own(name):
         ("cube", [0.5, -0.25, 1], 4, [0.75, 0.625]),
         ("cube", [0.5, -0.25, -1], 5, [0.25, 0.625]),
         ("octahedral", [0, 0, 1], 0, [0.5, 0.5]),
-        ("octahedral", [0, 1, 0], 0, [0.5, 1]),
+        ("octahedral", [0, 1, 0], 0, [0.5, 0]),
         ("dual-paraboloid", [1, 0, 0], 0, [1, 0.5]),
         ("dual-paraboloid", [0, 0.6, -0.8], 1, [0.5, 0.5 - 0.5 * 0.6 / 1.8]),
         ("orthographic-pair", [0.6, 0, -0.8], 1, [0.8, 0.5]),

@@ -210,7 +210,7 @@ def test_options_that_cannot_be_are_refused():
     for options, message in (
         ({"filter": "pong"}, "Did you mean 'phong'"),
         ({"filter": "phong", "exponent": 0.0}, "number above 0"),
-        ({"bias": "high"}, "high is no bias"),
+        ({"bias": "high"}, "'high' is no bias"),
         ({"size": 100}, "power of two"),
         ({"size": 2**20}, "up to 2048"),
         ({"coefficients_face": 0}, "power of two"),

@@ -7,6 +7,7 @@ import math
 import pytest
 
 from rsibr.studies.compare.budgets import budget_table, candidate, classes_of, ladder, mean_candidates, winners
+from rsibr.studies.compare.page import shown
 from tests.studies.compare.doubles import cost, record, scene
 from tests.studies.doubles import MEGABYTE
 
@@ -121,3 +122,22 @@ def test_external_maps_have_no_cost_and_win_no_budget():
     (found,) = classes_of([scene([record("a", 0.5, cost(1.0)), record("theirs", 0.01, None)])])
     assert [one.system for one in found.means] == ["a", "theirs"]
     assert all("theirs" not in {one.system for one in rows} for rows in found.winners.values())
+
+
+def test_an_error_below_the_noise_floor_is_an_upper_limit_everywhere():
+    below, known = record("a", -1e-4, cost(), half=2e-4), record("a", 4e-4, cost(), half=1e-4)
+    assert not candidate(known).is_bound
+    assert candidate(below).is_bound
+    assert candidate(below).rel_mse == pytest.approx(2e-4)
+    (found,) = classes_of([scene([below]), scene([known], sky="sunset")])
+    (mean,), (winner,) = found.means, found.winners["bytes"]
+    assert shown(mean) == shown(winner) == "< 2.8 × 10⁻⁴"
+    assert shown(classes_of([scene([known])])[0].means[0]) == "4.0 × 10⁻⁴"
+
+
+def test_a_method_without_arrays_has_a_place_in_the_tables():
+    rows = [candidate(record("a", 0.5, cost(size=0))), candidate(record("b", 0.1, cost(size=MEGABYTE)))]
+    budgets = [row.budget for row in budget_table(rows, "bytes", "B")]
+    assert budgets[0] >= 64
+    assert budgets[-1] >= MEGABYTE
+    assert len(set(budgets)) == len(budgets)

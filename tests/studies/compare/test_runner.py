@@ -145,13 +145,12 @@ def test_the_page_answers_first_and_shows_every_system(small):
     drawn = {path.name for path in (small.out / "pictures").iterdir()}
     (scene,) = small.document.scenes
     assert drawn == {
-        f"{scene.folder}_{name}{kind}.png"
-        for name, kinds in (
-            ("reference", ("", "_noise")),
-            ("cabral1999", ("", "_error")),
-            ("tests.studies.compare.grey_Grey", ("", "_error")),
+        f"{scene.folder}_{name}.png"
+        for name in (
+            "reference",
+            "noise",
+            *(f"{kind}_{one}" for kind in ("map", "error") for one in ("cabral1999", f"{__package__}.grey_Grey")),
         )
-        for kind in kinds
     }
 
 
