@@ -122,6 +122,7 @@ def baked(tmp_path_factory):
 
 
 @pytest.mark.parametrize("code", [RECONSTRUCT, SHARED_METHODS, BAKES], ids=["reconstruct", "methods", "bakes"])
+@pytest.mark.slow
 def test_threads_end_with_the_bits_of_serial_calls(code, baked):
     command = [sys.executable, "-c", code, str(baked), str(ROOT)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)

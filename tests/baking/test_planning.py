@@ -69,6 +69,7 @@ def test_one_channel_is_bit_for_bit_the_three(config):
     assert grey.bytes < rgb.bytes  # by little: compression finds equal channels
 
 
+@pytest.mark.slow
 def test_a_reconstruction_does_not_see_how_many_channels_were_stored(config):
     path = config(PLASTIC, sun())
     grey, rgb = baked(path, "grey"), baked(path, "rgb", "effects.colour=on")

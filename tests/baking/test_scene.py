@@ -71,6 +71,7 @@ def test_one_bake_makes_each_part_once(config, tmp_path, made):
     assert made == LOADED | {"probes": 1, "fit": 1, "plan": 1, "light": 1, "integrator": 1}
 
 
+@pytest.mark.slow
 def test_a_budget_bake_makes_each_part_once_for_choice_bake_and_what_was_reached(config, tmp_path, made):
     """The choice, the bake and the judgement each have a plan of their own, of the one set of probes."""
     baked = rsibr.bake(config, out=tmp_path / "b.rsibr", overrides=["budget.error=0.2"])
@@ -79,6 +80,7 @@ def test_a_budget_bake_makes_each_part_once_for_choice_bake_and_what_was_reached
     assert made == LOADED | {"probes": 1, "fit": 1, "light": 1, "integrator": 1, **DECODED}
 
 
+@pytest.mark.slow
 def test_one_validation_loads_once_and_fits_once(config, tmp_path, made):
     baked = rsibr.bake(config, out=tmp_path / "b.rsibr")
     made.clear()

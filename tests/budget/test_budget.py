@@ -82,6 +82,7 @@ def test_resumed_it_chooses_nothing_anew_and_ends_bit_identical(config, tmp_path
     assert map_bytes(baked.path) == kept
 
 
+@pytest.mark.slow
 def test_a_finished_bake_is_held_against_the_content_of_its_files(config, tmp_path):
     sky = tmp_path / "sky.exr"
     sky.write_bytes(Path(parse_config(read_toml(config), tmp_path).environment.file).read_bytes())
@@ -92,6 +93,7 @@ def test_a_finished_bake_is_held_against_the_content_of_its_files(config, tmp_pa
         rsibr.bake(config, out=baked.path, overrides=overrides)
 
 
+@pytest.mark.slow
 def test_a_bake_of_other_code_is_not_reused(config, tmp_path, monkeypatch):
     """One of the same version number too: it may hold other radiance."""
     overrides = [*SMALL, "sampling.samples=64"]
@@ -102,6 +104,7 @@ def test_a_bake_of_other_code_is_not_reused(config, tmp_path, monkeypatch):
         rsibr.bake(config, out=baked.path, overrides=overrides)
 
 
+@pytest.mark.slow
 def test_what_the_config_sets_stays(config):
     resolved, record = chosen(config, [*SMALL, "views.subdivision=1", "sampling.samples=100"])
     assert (resolved.map.resolution, resolved.views.subdivision, resolved.sampling.samples) == (24, 1, 100)
@@ -128,6 +131,7 @@ def test_what_cannot_be_promised_is_refused_in_one_line(config, key, said):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.slow
 def test_a_refusal_says_where_the_fit_of_the_lobes_is_bad(config):
     """Half of the light is sent back to where it came from, which no fitted lobe does; a plastic's lobes are fitted."""
     small = ["map.resolution=24", "views.subdivision=0", "budget.error=1e-7"]
@@ -140,6 +144,7 @@ def test_a_refusal_says_where_the_fit_of_the_lobes_is_bad(config):
     assert "fitted" not in str(refused.value)
 
 
+@pytest.mark.slow
 def test_a_plan_shows_what_would_be_chosen(config):
     plan, _, record = planned(config, SMALL)
     assert plan.resolution == record.chosen.resolution == 24
@@ -161,6 +166,7 @@ def test_few_stored_views_keep_the_triangles_around_the_new_ones(subdivision, rn
         assert set(fewer.triangles[match.index(True)].tolist()) <= needed
 
 
+@pytest.mark.slow
 def test_a_probe_tells_bias_from_noise(config):
     """Four times the samples: a quarter of the noise or less (strata), and the same bias within its scatter.
 

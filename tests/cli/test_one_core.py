@@ -73,6 +73,7 @@ def one_core(tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_commands_end_on_one_core(one_core):
     said = one_core(
         "bake config.toml --out x.rsibr",

@@ -52,6 +52,7 @@ def test_gold_calls_for_spectra_and_its_bake_agrees_with_the_path_tracer(shell, 
     assert made.code == 0, made.stderr
 
 
+@pytest.mark.slow
 def test_a_spectral_bake_that_was_stopped_ends_bit_identical(shell, gold, tmp_path):
     for name in ("one", "two"):
         assert shell("bake", gold, "--out", tmp_path / f"{name}.rsibr").code == 0
@@ -81,6 +82,7 @@ def test_polarisation_is_rendered_on_request_and_brings_spectra(shell, gold, tmp
     assert shell("validate", baked.path, "--views", 1, "--samples", 64, "--out", tmp_path / "v").code == 0
 
 
+@pytest.mark.slow
 def test_a_spectral_bake_of_another_rendering_is_not_gone_on_with(shell, gold, tmp_path):
     assert shell("bake", gold, "--out", tmp_path / "g.rsibr").code == 0
     shell.refuses("bake", gold, "--out", tmp_path / "g.rsibr", "--set", "effects.polarisation=on", says="polarisation")

@@ -31,6 +31,7 @@ def study(config, tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_study_prints_what_it_expects_and_what_it_found(shell: Shell, study, tmp_path):
     ended = shell("study", study, "--out", tmp_path / "out")
     assert ended.code == 0, ended

@@ -127,6 +127,7 @@ def test_a_coloured_light_without_extent_is_not_baked_grey(tmp_path):
         assert sums / sums[0] == pytest.approx([1, 1 / 3, 0.2 / 3], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_coat_of_a_plastic_is_said_not_to_show_the_light(tmp_path):
     emitter, plastic = {"type": "directional", "direction": [0, -1, 0]}, {"type": "plastic"}
     scene = {"environment": {"emitter": emitter}, "material": {"bsdf": plastic}, "map": {"resolution": 8}}
@@ -220,6 +221,7 @@ def test_where_no_sample_is_lit_every_texel_is_there():
     assert not variance.any()
 
 
+@pytest.mark.slow
 def test_the_noise_of_a_mirror_is_not_carried_to_a_new_view(tmp_path):
     """A smooth plastic under a sun that its coat shows by chance: nothing of it is added to the closed form."""
     emitter, plastic = {"type": "sunsky", "sun_direction": [0.3, 0.5, 0.6]}, {"type": "plastic"}

@@ -71,6 +71,7 @@ def sphere_of(case_name, *overrides, bsdf=None, seed=1):
 # ---- Tangents and texture coordinates ----
 
 
+@pytest.mark.slow
 def test_bumpmap(tmp_path):
     """A bump map over a constant is the BSDF below it: stored and reconstructed, with its lobes and its plan."""
     plain = sphere_of("bumpmap", bsdf={"type": "roughplastic", "alpha": 0.1})

@@ -142,6 +142,7 @@ def test_a_pointwise_method_compiles_nothing_from_view_to_view(rng):
 
 
 @pytest.mark.parametrize("name", ["rsibr", "rsibr-fine"])
+@pytest.mark.slow
 def test_methods_evaluate_points_by_themselves(name, small_bakes, rng):
     """`rsibr` integrates no wide Gaussian at a point: its `eval` is its own, and close to that of `rsibr-fine`."""
     methods = MethodSet(small_bakes("clearcoat-red"))

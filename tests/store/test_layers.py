@@ -224,6 +224,7 @@ def test_a_bake_of_other_layers_is_not_continued(bakes, config):
             bake(config, out=bakes[one].path, overrides=[f"effects.lobe_views={other}"])
 
 
+@pytest.mark.slow
 def test_a_bake_with_a_rest_is_healthy_judged_and_studied_like_any(bakes, lobes):
     health = {name: assess(bakes[name], FRAMES[0][None, :, 2]) for name in ("on", "auto")}
     assert health["auto"].trusted

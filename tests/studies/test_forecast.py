@@ -109,6 +109,7 @@ def test_a_resumed_study_measures_nothing_again_and_compiles_anew(asymmetric_env
     assert measured == [1, 1]  # of another method the speed is not known
 
 
+@pytest.mark.slow
 def test_the_miniature_measures_every_part_and_leaves_nothing(asymmetric_environment, tmp_path):
     study = parse_study(tables(asymmetric_environment))
     agenda = agenda_of(study)

@@ -46,6 +46,7 @@ def test_a_spectral_paint_is_a_paint_in_rgb_at_each_wavelength(kind, out):
         assert found[k] == pytest.approx(expected, rel=3e-3)  # some of the tables hold a sum of few functions
 
 
+@pytest.mark.slow
 def test_a_grey_paint_is_grey_at_every_wavelength():
     found = value("spectral", {"pigment": 0.3, **COATED}, tilted(0.8), tilted(0.7, 3.0))
     np.testing.assert_allclose(
@@ -53,6 +54,7 @@ def test_a_grey_paint_is_grey_at_every_wavelength():
     )
 
 
+@pytest.mark.slow
 def test_a_measured_pigment_is_its_spectrum():
     measured = {
         "type": "spectrum",
