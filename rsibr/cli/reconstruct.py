@@ -8,12 +8,17 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.options import BakePath, Json, Yes, check_output_file, parse_view
+from rsibr.cli.options import Json, Yes, check_output_file, parse_view
 from rsibr.errors import printable
 
 
 def reconstruct(
-    bake: BakePath,
+    bake: Annotated[
+        Path,
+        typer.Argument(
+            metavar="BAKE", help="Directory of a bake; or a config, for methods without maps.", show_default=False
+        ),
+    ],
     view: Annotated[str, typer.Option(metavar="X,Y,Z", help="Direction from the surface to the viewer.")],
     out: Annotated[Path, typer.Option(metavar="FILE.exr|.png", help="File of the map.")],
     method: Annotated[

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from rsibr.store.bake import Bake
+from rsibr.store.stored_maps import StoredMaps
 
 OUTPUT_BYTES = 64
 """Memory for each texel of a reconstructed map: the kernel's results, the image and its coverage [bytes]."""
 
 
-def maps_memory(bake: Bake) -> int:
+def maps_memory(bake: StoredMaps) -> int:
     """Memory of all stored maps, decoded and prepared for the default method [bytes].
 
     Notes

@@ -63,6 +63,8 @@ class Needs:
     ----------
     views : bool
         Maps of views that cover the sphere, with their triangulation.
+    maps : bool
+        At least one map; `views` implies it.
     light : bool
         Environment (`light.exr`).
     lobes : bool
@@ -72,6 +74,7 @@ class Needs:
     views: bool = False
     light: bool = False
     lobes: bool = False
+    maps: bool = False
 
 
 @runtime_checkable

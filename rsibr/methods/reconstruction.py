@@ -19,10 +19,12 @@ from rsibr.methods.job import OUTPUT_BYTES, maps_memory
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
 from rsibr.methods.registry import default_method
-from rsibr.store.bake import Bake, open_bake
+from rsibr.methods.unbaked import unbaked
+from rsibr.store.bake import open_bake
 from rsibr.store.image_kind import image_kind
 from rsibr.store.map_file import MapFile, write_map
 from rsibr.store.png_file import exposure_of, tone_mapped, write_png
+from rsibr.store.stored_maps import StoredMaps
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -84,7 +86,7 @@ class Reconstruction:
 
 @backend.in_session
 def reconstruct(
-    bake: Bake | Path | str,
+    bake: StoredMaps | Path | str,
     view: ArrayLike,
     *,
     method: str | None = None,
@@ -96,7 +98,8 @@ def reconstruct(
     Parameters
     ----------
     bake : Bake or path
-        A finished bake. To reconstruct many views, make a `MethodSet` once and call `run`.
+        A finished bake; or the config of a scene (`.toml`), for methods that read no maps. To reconstruct many views,
+        make a `MethodSet` once and call `run`.
     view : array_like, shape (3,)
         Direction from the surface to the viewer, of any positive length.
     method : str, optional
@@ -126,13 +129,18 @@ def reconstruct(
     (256, 256, 3)
     """
     frame = view_frame(unit_view(view))
-    opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
+    opened = _opened(bake) if isinstance(bake, Path | str) else bake
     if resolution is not None and not 8 <= resolution <= 4096:
         raise InputError(f"{resolution} texels", where="resolution", fix="give 8 to 4096")
     side = resolution or opened.resolution
     memory = maps_memory(opened) + OUTPUT_BYTES * side**2
     JobSize(f"reconstruction at {side}²", memory=memory).admit(None, allow_large)
     return run(MethodSet(opened)[method or default_method(opened)], frame, side)
+
+
+def _opened(path: Path | str) -> StoredMaps:
+    """Open a bake, or load the scene of a config."""
+    return unbaked(path, name=str(path)) if Path(path).suffix == ".toml" else open_bake(Path(path))
 
 
 @backend.in_session

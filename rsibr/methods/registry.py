@@ -108,6 +108,7 @@ class Registration:
         """Whether the bake has all parts that the method requires, and the method sees all of its light."""
         held = {
             "views": bake.has_views,
+            "maps": bake.view_count > 0,
             "light": bake.manifest.light is not None,
             "lobes": bool(bake.manifest.lobes),
         }

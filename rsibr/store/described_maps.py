@@ -89,13 +89,18 @@ class MapsInMemory(DescribedMaps):
     Attributes
     ----------
     maps : tuple of MapFile
-        Map of each view of the manifest.
+        Map of each view of the manifest; or none, of a scene that was not baked.
     light : Light
         Environment from which the lobes are predicted.
     """
 
     maps: tuple[MapFile, ...]
     light: Light
+
+    @property
+    def view_count(self) -> int:
+        """Number of maps."""
+        return len(self.maps)
 
     def map(self, index: int) -> MapFile:
         """Return the map of one view."""

@@ -77,7 +77,7 @@ class Rsibr(ResidualMethod):
 @register(
     "rsibr",
     summary="prediction of all lobes from the environment, plus warped residuals of the stored maps",
-    needs=Needs(light=True, lobes=True),
+    needs=Needs(light=True, lobes=True, maps=True),
     sees_delta_lights=True,
     role="default",
     rank=50,

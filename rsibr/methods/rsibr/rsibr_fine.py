@@ -12,7 +12,7 @@ from rsibr.methods.rsibr.rsibr import Rsibr, model_with_residuals
 @register(
     "rsibr-fine",
     summary="rsibr with a finer pyramid and every narrow lobe by itself: more accurate, slower",
-    needs=Needs(light=True, lobes=True),
+    needs=Needs(light=True, lobes=True, maps=True),
     sees_delta_lights=True,
     rank=60,
 )
