@@ -103,11 +103,12 @@ def read_latlong(
             where=str(path),
             fix=f"leave out {PROJECTION_KEY}",
         )
-    image, clipped, lowest = _without_negatives(image)
     name, turn = projection if projection is not None else stated or "latlong", 0.0
     sheets = None
-    if name == "latlong-openexr":
+    if name == "latlong-openexr":  # the mean of the seam's columns, before negative values are cut off
         image, turn = without_seam(image)
+    image, clipped, lowest = _without_negatives(image)
+    if name == "latlong-openexr":
         by = "environment.projection" if stated is None else "its envmap attribute"
         notes += (f"{by} puts the first and the last column into one direction; obeyed",)
     elif name != "latlong":

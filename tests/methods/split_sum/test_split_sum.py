@@ -164,5 +164,5 @@ def test_highlights_lie_where_the_path_tracer_has_them(material, small_bakes, as
         found = method.map(frame, 48).numpy()[..., :3]
         error = ((found - truth)[covered] ** 2).mean() / (truth[covered] ** 2).mean()
         turned = ((found[:, ::-1] - truth)[covered] ** 2).mean() / (truth[covered] ** 2).mean()
-        assert error < 0.1
-        assert turned > 10 * error
+        assert error < 0.2
+        assert turned > 5 * error
