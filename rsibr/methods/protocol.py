@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Cost:
-    """Cost of a method before its first lookup.
+    """Cost of a method before its first lookup, and of a lookup once that was measured.
 
-    The time of a lookup depends on the map's resolution and the state of the machine. It is measured with each use:
-    `Reconstruction.seconds`, and `seconds` and `eval_seconds` of a validation.
+    The time of a whole map depends on its resolution. It is measured with each use: `Reconstruction.seconds`, and
+    `seconds` of a validation.
 
     Attributes
     ----------
@@ -38,6 +38,9 @@ class Cost:
         Size of the method's arrays on the device [bytes].
     reads_maps : bool
         Whether the method reads stored maps.
+    lookup_seconds : float or None
+        Time of one lookup by `eval` in a large launch [s]; None until a validation, a study or a comparison has
+        measured it (`rsibr.validation.eval_error.judge_eval`).
     """
 
     bake_seconds: float = 0.0
@@ -45,6 +48,7 @@ class Cost:
     prepare_seconds: float = 0.0
     device_bytes: int = 0
     reads_maps: bool = False
+    lookup_seconds: float | None = None
 
     def preparing(self, seconds: float) -> Cost:
         """Return the cost with `seconds` added to the preparation time."""

@@ -7,7 +7,7 @@ variance of that mean is estimated and subtracted from the error, like the noise
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 
 import drjit as dr
@@ -52,7 +52,7 @@ class EvalError:
 
 
 def judge_eval(method: Method, frame: NDArray[np.float64], reference: Reference, seed: int) -> EvalError:
-    """Measure error and time of `eval` at random points of every texel with coverage ≥ ½.
+    """Measure error and time of `eval` at random points of every texel with coverage ≥ ½; the cost keeps the time.
 
     Parameters
     ----------
@@ -72,6 +72,7 @@ def judge_eval(method: Method, frame: NDArray[np.float64], reference: Reference,
     radiance, seconds = _evaluated(method, frame, points)
     buffers = reference.buffers[:, judged].astype(np.float64)
     error = relative_mse_of_samples(radiance.reshape(POINTS, -1, 3), buffers)
+    method.cost = replace(method.cost, lookup_seconds=seconds / len(points))
     return EvalError(error, seconds / len(points))
 
 

@@ -73,9 +73,12 @@ def test_what_is_right_has_no_error_however_it_varies_within_a_texel(reference):
 def test_what_is_off_by_a_tenth_errs_by_a_hundredth(reference):
     method = Striped(None)
     method.factor = 1.1
-    error = judge_eval(method, FRAME, reference, seed=3).rel_mse
+    assert method.cost.lookup_seconds is None
+    judged = judge_eval(method, FRAME, reference, seed=3)
+    error = judged.rel_mse
     assert error.value == pytest.approx(0.01, abs=5 * error.standard_error)
     assert not error.below_noise_floor
+    assert method.cost.lookup_seconds == judged.seconds > 0  # the cost keeps what was measured
 
 
 def test_the_mean_of_few_samples_is_debiased(rng):

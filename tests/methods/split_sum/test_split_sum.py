@@ -7,22 +7,15 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.baking.baker import bake_view
-from rsibr.baking.blocks import block_sizes
-from rsibr.baking.integrator import SphereIntegrator
 from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
 from rsibr.light.delta_lights import DeltaLights
 from rsibr.light.radiance import Light
 from rsibr.lobes.albedo import node_cosines
 from rsibr.lobes.gaussians import LobeShape
-from rsibr.methods.method_set import MethodSet
 from rsibr.methods.split_sum.dfg import dfg
 from rsibr.methods.split_sum.material_fit import nearest_alpha
 from rsibr.methods.split_sum.split_sum import split_sum
-from rsibr.scene.config import EnvironmentConfig, MaterialConfig
-from rsibr.scene.environment import load_environment
-from rsibr.scene.material import load_material
 from tests import lobe_shapes, microfacet
 from tests.arrays import unit_vectors
 from tests.methods.split_sum.lights import lamps, light_of
@@ -148,21 +141,3 @@ def test_small_cubes_and_chains_are_made(rng):
     for options in ({"size": 4}, {"size": 4, "chain": True}, {"size": 20, "chain": True}):
         method = made(light_of(lambda _: GREY), (lobe_shapes.ggx(0.3), HALF), albedo="exact", **options)
         np.testing.assert_allclose(evaluated(method, n, v), 0.5 * GREY + 0 * n, rtol=5e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("material", ["rough-aluminium", "clearcoat-red"])
-def test_highlights_lie_where_the_path_tracer_has_them(material, small_bakes, asymmetric_environment):
-    """Six views, poles included; a turned or mirrored light would be off by far."""
-    method = MethodSet(small_bakes(material))["split-sum"]
-    light = load_environment(EnvironmentConfig(file=asymmetric_environment)).emitter()
-    integrator = SphereIntegrator(light, load_material(MaterialConfig(preset=material)).bsdf(), 48)
-    for index, view in enumerate(AXES):
-        frame = view_frame(view)
-        stored = bake_view(integrator, frame, block_sizes(256), seed=7, index=index)
-        truth, covered = stored.layers["radiance"].astype(np.float64), stored.coverage >= 0.5
-        found = method.map(frame, 48).numpy()[..., :3]
-        error = ((found - truth)[covered] ** 2).mean() / (truth[covered] ** 2).mean()
-        turned = ((found[:, ::-1] - truth)[covered] ** 2).mean() / (truth[covered] ** 2).mean()
-        assert error < 0.2
-        assert turned > 5 * error
