@@ -189,7 +189,9 @@ def both_readers(shell, bake, tmp_path, says):
 
 def test_what_is_no_bake(shell, config, tmp_path):
     both_readers(shell, tmp_path / "gone", tmp_path, "does not exist")
-    both_readers(shell, config, tmp_path, "is a file")
+    (tmp_path / "notes.txt").write_text("")
+    both_readers(shell, tmp_path / "notes.txt", tmp_path, "is a file")
+    shell.refuses("reconstruct", config, "--view", "1,2,3", "--out", tmp_path / "x.exr", says="it is not baked")
     both_readers(shell, tmp_path, tmp_path, "no bake")
 
 
