@@ -14,7 +14,7 @@ from rsibr.validation.objects.validation import validate_object
 from tests.benchmarks.turns import in_turns
 
 METHODS = ("nearest", "cabral1999", "rsibr")
-ROUNDS, SAMPLES, RAYS = 6, 1024, 16
+ROUNDS, SAMPLES, RAYS = 6, 256, 16
 
 
 @pytest.fixture(scope="module")
