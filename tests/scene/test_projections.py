@@ -159,6 +159,7 @@ def test_faces_that_are_no_cube_are_refused(tmp_path, faces):
     whole = write_channels(tmp_path / "w.exr", {"RGB": np.ones((32, 32, 3), np.float32)}, envmap=OpenEXR.ENVMAP_LATLONG)
     assert "w.exr: its envmap attribute says latlong: it is no face" in refusal(faces={**faces, "px": whole})
     assert "'polar' has no six faces" in refusal(faces=faces, projection="polar")
+    assert "environment.projection: unknown projection ''" in refusal(faces=faces, projection="")
     assert "environment.projection: unknown projection 'cub'. Did you mean 'cube'" in refusal(
         faces=faces, projection="cub"
     )
@@ -169,6 +170,7 @@ def test_a_picture_that_is_not_in_its_projection_is_refused(tmp_path):
     assert "a.exr: its 32 × 16 texels are no 'cube'. Save it with square sheets, 6:1 (row)" in refusal(
         file=path, projection="cube"
     )
+    assert "environment.projection: unknown projection ''" in refusal(file=path, projection="")
     assert "environment.projection: unknown projection 'latlon'. Did you mean 'latlong'" in refusal(
         file=path, projection="latlon"
     )

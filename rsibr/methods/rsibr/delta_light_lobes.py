@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.geometry.to_device import to_device
+from rsibr.light.delta_lights_on_device import DeltaLightsOnDevice
 from rsibr.light.radiance import Light
 from rsibr.lobes.basis import LAMBERT, coated_ggx, ggx, lambert
 from rsibr.lobes.proxy_ratio import NODES, glossy_place, matte_place
@@ -123,18 +124,15 @@ class DeltaLightLobes:
 
     Attributes
     ----------
-    lights : mi.Float
-        Direction and irradiance of each light, two packets of four floats, flat.
-    count : mi.UInt32
-        Number of lights (opaque).
+    lights : DeltaLightsOnDevice
+        Delta lights.
     lobes : list of ProxyTerms
         Lobes that are not delta lobes.
     width : mi.Float
         Least roughness of a term, the width of the narrowest highlight (opaque).
     """
 
-    lights: mi.Float
-    count: mi.UInt32
+    lights: DeltaLightsOnDevice
     lobes: list[ProxyTerms]
     width: mi.Float
 
@@ -143,12 +141,9 @@ class DeltaLightLobes:
         """Put the delta lights of a bake and its lobes on the device; None if there are no such lights."""
         if light.delta.is_black:
             return None
-        rows = np.zeros((len(light.delta), 2, 4), dtype=np.float32)
-        rows[:, 0, :3], rows[:, 1, :3] = light.delta.directions, light.delta.irradiance
         roughness = [proxy.alpha for lobe in lobes for proxy in lobe.proxies if proxy.alpha != LAMBERT]
         return cls(
-            to_device(mi.Float, rows),
-            dr.opaque(mi.UInt32, len(rows)),
+            DeltaLightsOnDevice.of(light.delta),
             [ProxyTerms.of(lobe, light.proxy_ratios.get(lobe.name)) for lobe in lobes if lobe.proxies],
             dr.opaque(mi.Float, min(roughness, default=_WIDEST)),
         )
@@ -158,16 +153,16 @@ class DeltaLightLobes:
         shading = ShadingFrame.of(n, v)
 
         def add(k: mi.UInt32, total: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f]:
-            d, irradiance = self._light(k)
+            d, irradiance = self.lights.at(k)
             wi = mi.Vector3f(dr.dot(shading.x, d), dr.dot(shading.y, d), dr.dot(shading.n, d))
             reflected = mi.Color3f(0)
             for lobe in self.lobes:
                 reflected += lobe.brdf_cosine(wi, shading.v)
-            return k + 1, total + dr.select(wi.z > 0, reflected * mi.Color3f(irradiance), 0)
+            return k + 1, total + dr.select(wi.z > 0, reflected * irradiance, 0)
 
         _, total = dr.while_loop(
             state=(mi.UInt32(0), dr.zeros(mi.Color3f, dr.width(n))),
-            cond=lambda k, _total: k < self.count,
+            cond=lambda k, _total: k < self.lights.count,
             body=add,
             labels=("k", "total"),
             label="delta_lights",
@@ -206,13 +201,13 @@ class DeltaLightLobes:
         spread = spacing / dr.maximum(cosine, _FLATTEST)
 
         def nearer(k: mi.UInt32, least: mi.Float) -> tuple[mi.UInt32, mi.Float]:
-            half = self._light(k)[0] + v
+            half = self.lights.at(k)[0] + v
             away = dr.norm(n - half * dr.rsqrt(dr.maximum(dr.squared_norm(half), 1e-12)))
             return k + 1, dr.minimum(least, away)
 
         _, away = dr.while_loop(
             state=(mi.UInt32(0), dr.full(mi.Float, 2, dr.width(n))),
-            cond=lambda k, _least: k < self.count,
+            cond=lambda k, _least: k < self.lights.count,
             body=nearer,
             labels=("k", "least"),
             label="nearest_highlight",
@@ -220,8 +215,3 @@ class DeltaLightLobes:
         away = dr.maximum(away - spread, 0)
         width = dr.sqrt(self.width * self.width + away * away)
         return mi.UInt32(dr.clip(dr.ceil(_DENSITY * spread / width), _FEWEST, _MOST))
-
-    def _light(self, k: mi.UInt32) -> tuple[mi.Vector3f, mi.Vector3f]:
-        """Direction and irradiance of a light."""
-        first, second = (dr.gather(mi.Vector4f, self.lights, 2 * k + row) for row in range(2))
-        return mi.Vector3f(first.x, first.y, first.z), mi.Vector3f(second.x, second.y, second.z)

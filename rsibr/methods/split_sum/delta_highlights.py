@@ -7,16 +7,12 @@ from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
-from numpy.typing import NDArray
 
-from rsibr.geometry.to_device import to_device
+from rsibr.light.delta_lights_on_device import DeltaLightsOnDevice
 from rsibr.light.radiance import Light
 from rsibr.lobes.basis import ggx
 from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.split_sum.material_fit import LobeFit
-
-Array = NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -25,18 +21,15 @@ class DeltaHighlights:
 
     Attributes
     ----------
-    lights : mi.Float
-        Direction and irradiance of each light, two packets of four floats, flat.
-    count : mi.UInt32
-        Number of lights (opaque).
+    lights : DeltaLightsOnDevice
+        Delta lights.
     lobes : list of (mi.Float, mi.Color3f, mi.Color3f)
         α, F₀ and F₉₀ of each glossy lobe (opaque). A delta lobe reflects no delta light.
     diffuse : CosineTable
         Albedo of all matte parts by the cosine of the view angle.
     """
 
-    lights: mi.Float
-    count: mi.UInt32
+    lights: DeltaLightsOnDevice
     lobes: list[tuple[mi.Float, mi.Color3f, mi.Color3f]]
     diffuse: CosineTable
 
@@ -46,11 +39,9 @@ class DeltaHighlights:
         if light.delta.is_black:
             return None
         glossy = [fit for fit in fits if fit.alpha > 0 and fit.exact.any()]
-        rows = np.zeros((len(light.delta), 2, 4), dtype=np.float32)
-        rows[:, 0, :3], rows[:, 1, :3] = light.delta.directions, light.delta.irradiance
         lobes = [(mi.Float(fit.alpha), mi.Color3f(*fit.f0.tolist()), mi.Color3f(*fit.f90.tolist())) for fit in glossy]
         dr.make_opaque(lobes)
-        return cls(to_device(mi.Float, rows), dr.opaque(mi.UInt32, len(rows)), lobes, diffuse)
+        return cls(DeltaLightsOnDevice.of(light.delta), lobes, diffuse)
 
     def radiance(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance [W sr⁻¹ m⁻²] toward `v` from surfaces with normal `n`, unit vectors in world coordinates."""
@@ -59,17 +50,17 @@ class DeltaHighlights:
         matte = self.diffuse.colour(toward.z) * dr.inv_pi
 
         def add(k: mi.UInt32, total: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f]:
-            d, energy = (dr.gather(mi.Vector4f, self.lights, 2 * k + row) for row in range(2))
-            incident = frame.to_local(mi.Vector3f(d.x, d.y, d.z))
+            d, irradiance = self.lights.at(k)
+            incident = frame.to_local(d)
             reflected = matte * dr.maximum(incident.z, 0)
             for alpha, head_on, grazing in self.lobes:
                 plain, graze = ggx(incident, toward, alpha)
                 reflected += head_on * (plain - graze) + grazing * graze
-            return k + 1, total + dr.select(incident.z > 0, reflected * mi.Color3f(energy.x, energy.y, energy.z), 0)
+            return k + 1, total + dr.select(incident.z > 0, reflected * irradiance, 0)
 
         _, total = dr.while_loop(
             state=(mi.UInt32(0), dr.zeros(mi.Color3f, dr.width(n))),
-            cond=lambda k, _total: k < self.count,
+            cond=lambda k, _total: k < self.lights.count,
             body=add,
             labels=("k", "total"),
             label="delta_highlights",

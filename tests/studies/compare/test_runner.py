@@ -154,6 +154,19 @@ def test_the_page_answers_first_and_shows_every_system(small):
     }
 
 
+def test_options_of_a_config_are_measured_anew_when_they_change(asymmetric_environment, tmp_path):
+    """In one folder, whose bake and references are kept."""
+    errors = []
+    for options in ({}, {"k_d": 9.0}, {}):
+        asked = tables(asymmetric_environment, method=["miller1984"], settings=None, subdivision=None)
+        asked = {key: value for key, value in asked.items() if value is not None}
+        asked["base"] = {**asked["base"], **({"methods": {"miller1984": options}} if options else {})}
+        ((one,),) = (scene.systems for scene in compare([asked], out=tmp_path / "one", views=1).document.scenes)
+        errors.append(one.error.rel_mse.value)
+    assert errors[0] == errors[2]
+    assert errors[1] > 10 * abs(errors[0])
+
+
 def test_systems_have_colours_of_their_own():
     systems = [*rsibr.method_names(), "theirs", "others"]
     colours = colours_of(systems)
