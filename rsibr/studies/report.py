@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from rsibr.store.atomic import write_atomic
+from rsibr.studies.csv_table import csv_table
 from rsibr.studies.document import StudyDocument
 from rsibr.studies.page import Drawn, study_page
 from rsibr.studies.results import ErrorRecord, PointRecord, SceneRecord
@@ -87,12 +86,7 @@ def write_study(document: StudyDocument, folder: Path, drawn: Drawn) -> Path:
 
 
 def _table(document: StudyDocument) -> str:
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, COLUMNS, restval="", lineterminator="\n")
-    writer.writeheader()
-    for scene in document.scenes:
-        writer.writerows(_rows(scene, document.judge.frames))
-    return stream.getvalue()
+    return csv_table(COLUMNS, (row for scene in document.scenes for row in _rows(scene, document.judge.frames)))
 
 
 def _rows(scene: SceneRecord, frames: int) -> Iterator[dict[str, Any]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from rsibr.studies.compare.document import CompareDocument
 from rsibr.studies.compare.page import compare_page
 from rsibr.studies.compare.pictures import ScenePictures
 from rsibr.studies.compare.records import ComparedScene, SystemRecord
+from rsibr.studies.csv_table import csv_table
 from rsibr.validation.report.report import write_pictures
 
 PAGE_NAME, JSON_NAME, CSV_NAME = "compare.html", "compare.json", "compare.csv"
@@ -86,12 +85,7 @@ def write_comparison(document: CompareDocument, pictures: Sequence[ScenePictures
 
 
 def _table(document: CompareDocument) -> str:
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, COLUMNS, restval="", lineterminator="\n")
-    writer.writeheader()
-    for scene in document.scenes:
-        writer.writerows(_rows(scene))
-    return stream.getvalue()
+    return csv_table(COLUMNS, (row for scene in document.scenes for row in _rows(scene)))
 
 
 def _rows(scene: ComparedScene) -> Iterator[dict[str, Any]]:
