@@ -1,3 +1,6 @@
+import gc
+
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -86,9 +89,15 @@ def test_each_type_has_its_own_radiance():
 @pytest.mark.slow
 def test_full_hd_with_sixteen_rays_stays_in_bounded_memory():
     """State of a pixel, not of a ray: 2 Mpixel × 16 rays of 30 floats would be 4 GB."""
-    import drjit as dr
 
+    def peak() -> int:
+        return dr.detail.malloc_watermark(dr.backend_v(mi.Float))
+
+    # What earlier tests hold, and what the allocator keeps for reuse, is no part of this picture.
+    gc.collect()
+    dr.flush_malloc_cache()
     dr.detail.malloc_clear_statistics()
+    before = peak()
     picture = pictured(constant(), framing(64, width=1920, height=1080), 16, "map-reflection", filter="mip")
     assert picture.radiance.shape == (1080, 1920, 3)
-    assert dr.detail.malloc_watermark(dr.backend_v(mi.Float)) < 1e9
+    assert 0 < peak() - before < 0.5e9
