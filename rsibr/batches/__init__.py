@@ -1,0 +1,1 @@
+"""Batches: a matrix of bakes, run on one machine or many, with an index and a gallery."""

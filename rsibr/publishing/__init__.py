@@ -1,0 +1,1 @@
+"""Publishing: files and pages for other programs, a format a file."""
