@@ -60,12 +60,17 @@ def named(material):
     return load_material(MaterialConfig(**({"preset": material} if isinstance(material, str) else {"bsdf": material})))
 
 
-@pytest.mark.parametrize("kind", ["spectral", "spectral_polarized"])
-@pytest.mark.parametrize(
-    "material",
-    ["clearcoat-red", "candy-red", GOLD, POLARISING, pytest.param(TWO, marks=pytest.mark.slow)],
-    ids=["coat", "paint", "gold", "pplastic", "two"],
-)
+def cases():
+    """Each material in both variants; the fast ones have each lobe kind and each variant."""
+    fast = {("coat", "spectral"), ("gold", "spectral"), ("pplastic", "spectral_polarized")}
+    materials = {"coat": "clearcoat-red", "paint": "candy-red", "gold": GOLD, "pplastic": POLARISING, "two": TWO}
+    for kind in ("spectral", "spectral_polarized"):
+        for name, material in materials.items():
+            marks = () if (name, kind) in fast else pytest.mark.slow
+            yield pytest.param(kind, material, marks=marks, id=f"{name}-{kind}")
+
+
+@pytest.mark.parametrize(("kind", "material"), list(cases()))
 def test_bake_agrees_with_the_path_tracer(kind, material):
     environment, material = courtyard(), named(material)
     baked = baked_view(environment, material, kind)

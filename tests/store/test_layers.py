@@ -154,6 +154,7 @@ def test_the_plan_says_what_was_saved(bakes):
     assert not any(effect.missed for effect in plans["auto"].effects)
 
 
+@pytest.mark.slow
 def test_the_method_reads_the_sum_and_sees_no_difference(methods):
     for method in ("cabral1999", "rsibr"):
         for frame in FRAMES:
@@ -162,6 +163,7 @@ def test_the_method_reads_the_sum_and_sees_no_difference(methods):
             assert np.abs(full - planned).max() < 1e-5 * full.max()  # maps are packed in 18 bits a channel
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "which"), [("rsibr", (0, 1, 2)), ("rsibr-fine", (0,))])
 def test_a_lobe_with_twelve_views_is_that_of_a_bake_of_twelve(bakes, methods, lobes, kind, which):
     """Bit for bit: nested views have the same directions, and equal views the same samples.
@@ -175,6 +177,7 @@ def test_a_lobe_with_twelve_views_is_that_of_a_bake_of_twelve(bakes, methods, lo
         assert np.array_equal(image(planned.variant(kind, lobe=lobes[k])), expected)
 
 
+@pytest.mark.slow
 def test_lobes_warped_apart_are_each_warped_from_their_own_views(methods):
     twelve, full, planned, fewest = (LobeWarpMethod.of(methods[name].inputs) for name in ("12", "on", "auto", "off"))
     assert [len(group.lobes) for group in planned.groups] == [2, 1]
@@ -190,6 +193,7 @@ def test_lobes_warped_apart_are_each_warped_from_their_own_views(methods):
         assert np.abs(image(full, frame) - expected).max() > 1e-3 * expected.max()  # it makes a difference
 
 
+@pytest.mark.slow
 def test_the_parts_miss_the_whole_between_the_views_that_keep_them_apart(bakes, methods, lobes):
     """Not at these views. The whole is uncut here, as its parts are; in all views of the others they add up to it."""
     whole = replace(methods["auto"]["rsibr"], keeps_negatives=True)
