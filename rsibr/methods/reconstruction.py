@@ -15,6 +15,7 @@ from rsibr.errors import InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.job_size import JobSize
+from rsibr.machine import make_folder
 from rsibr.methods.job import OUTPUT_BYTES, maps_memory
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
@@ -63,7 +64,7 @@ class Reconstruction:
         return f"Reconstruction({self.method!r}, view ({x:.3g}, {y:.3g}, {z:.3g}), {len(self.image)}²)"
 
     def write(self, path: Path | str) -> None:
-        """Write the map, as its name says: a multi-part EXR in float32, or an 8-bit PNG.
+        """Write the map, as its name says: a multi-part EXR in float32, or an 8-bit PNG. A missing folder is made.
 
         Parameters
         ----------
@@ -76,8 +77,9 @@ class Reconstruction:
         InputError
             If the name has another ending.
         """
-        coverage = self.coverage.astype(np.float32)
-        if image_kind(path) == "png":
+        coverage, kind = self.coverage.astype(np.float32), image_kind(path)
+        make_folder(Path(path).parent)
+        if kind == "png":
             exposure = exposure_of(self.image[coverage >= 0.5].max(axis=-1))
             write_png(Path(path), tone_mapped(self.image, coverage, exposure))
         else:
