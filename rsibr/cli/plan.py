@@ -44,8 +44,8 @@ def print_effects(effects: Iterable[Effect]) -> None:
     """Print a table of effects: those of a bake, or of an object (`ObjectPlan.effects`)."""
     from rsibr.cli.table import new_table, print_table
 
-    table = new_table("effect", "", "evidence", "threshold", "s", "MiB", "relMSE\nwithout")
-    table.add_column("why", overflow="fold")
+    table = new_table("effect", "", "evidence", "threshold", "s", "MiB", "relMSE without")
+    table.add_column("why", overflow="fold", min_width=40)
     for effect in effects:
         table.add_row(*_row(effect), style=None if effect.on else "yellow" if effect.missed else "dim")
     print_table(table)

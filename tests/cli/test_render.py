@@ -23,13 +23,23 @@ def test_a_picture_with_layers(shell, baked, tmp_path):
     np.testing.assert_allclose(depth[np.isfinite(depth)].min(), np.sqrt(26) - 1, atol=0.3)
 
 
+def test_a_missing_folder_is_made_once_there_is_something_to_put_there(shell, baked, tmp_path):
+    out = tmp_path / "new" / "folder" / "a.exr"
+    shell.refuses("render", "spher", "--bake", baked, "--out", out, *SMALL)
+    assert not (tmp_path / "new").exists()
+    assert shell("render", "sphere", "--bake", baked, "--out", out, *SMALL).code == 0
+    assert out.is_file()
+
+
 def test_a_turntable_of_numbered_files(shell, baked, tmp_path):
     command = ["render", "sphere", "--bake", f"sphere={baked}", "--out", tmp_path / "t.png", "--frames", "2", *SMALL]
     ended = shell(*command)
     assert ended.code == 0, ended.stderr
     assert "2 frames" in ended.stdout
     assert imread(tmp_path / "t_0002.png").shape == (8, 12, 4)
-    assert shell(*command, "--json").json["kept"] == 2
+    again = shell(*command, "--json").json
+    assert (again["kept"], again["already_complete"]) == (2, True)
+    assert "t_0002.png: already complete, 2 frames" in shell(*command).stdout
 
 
 @pytest.mark.parametrize(
@@ -38,7 +48,6 @@ def test_a_turntable_of_numbered_files(shell, baked, tmp_path):
         (["--out", "a.jpg"], "'.jpg'"),
         (["--out", "a"], "no ending"),
         (["--out", "a.mp4"], "--frames"),
-        (["--out", "gone/a.exr"], "there is no folder"),
         (["--camera", "1,2"], "--camera"),
         (["--camera", "-1,2,nan"], "--camera"),
         (["--camera", "1,2,3", "--from", "1,2,3"], "--from"),

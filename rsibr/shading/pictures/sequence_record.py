@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -41,12 +42,8 @@ def read_record(sidecar: Path) -> SequenceRecord:
         found = json.loads(sidecar.read_bytes())
         frames = {str(name): _entry(entry) for name, entry in found["frames"].items()}
         film, exposure = found.get("film"), found.get("exposure")
-        return SequenceRecord(
-            frames,
-            None if exposure is None else float(exposure),
-            str(found.get("exposed_by", "")),
-            None if film is None else _entry(film),
-        )
+        exposure = float(exposure) if exposure is not None and 0 < float(exposure) < math.inf else None
+        return SequenceRecord(frames, exposure, str(found.get("exposed_by", "")), None if film is None else _entry(film))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
         return SequenceRecord()
 
