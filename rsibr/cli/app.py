@@ -12,7 +12,7 @@ from rsibr.cli.bake import bake
 from rsibr.cli.check import check
 from rsibr.cli.commands import Command, Commands
 from rsibr.cli.compare import compare
-from rsibr.cli.completion import by_name_of_the_shell, join_words_of_bash
+from rsibr.cli.completion import by_name_of_the_shell, cut_words_of_bash
 from rsibr.cli.demo import demo
 from rsibr.cli.doctor import doctor
 from rsibr.cli.ending import run
@@ -57,7 +57,7 @@ def main() -> NoReturn:
     # Read when NumPy and SciPy load, each with a BLAS of its own. Our products are small, and starting the threads of
     # both takes a quarter of a second of processor, more than the mathematics of a view.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    join_words_of_bash()
+    cut_words_of_bash()
     end(run(_command))
 
 

@@ -12,7 +12,7 @@ from rsibr.cli.method_names import listed_methods
 
 _ASKED = "_RSIBR_COMPLETE"
 _NO_GUESSES = "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION"
-_CUT = "_RSIBR_COMPLETE_AFTER_EQUALS"
+_CUT_OFF = "_RSIBR_COMPLETE_CUT_OFF"
 
 
 def by_name_of_the_shell() -> None:
@@ -23,11 +23,8 @@ def by_name_of_the_shell() -> None:
     os.environ.setdefault(_NO_GUESSES, "1")
 
 
-def join_words_of_bash() -> None:
-    """Make one word again of `KEY`, `=` and `VALUE`, which Bash passes separately.
-
-    Bash then replaces only what follows the `=`; see `complete_override`.
-    """
+def cut_words_of_bash() -> None:
+    """Cut `KEY=` off the word that Bash asks to complete: it passes `KEY`, `=` and `VALUE`, and replaces the last."""
     if os.environ.get(_ASKED) != "complete_bash" or "COMP_WORDS" not in os.environ:
         return
     words, current = os.environ["COMP_WORDS"].split("\n"), int(os.environ.get("COMP_CWORD", "0"))
@@ -38,8 +35,9 @@ def join_words_of_bash() -> None:
         else:
             joined.append(word)
     if current in range(len(joined), len(words)):
+        key, equals, joined[-1] = joined[-1].partition("=")
+        os.environ[_CUT_OFF] = key + equals
         os.environ["COMP_WORDS"], os.environ["COMP_CWORD"] = "\n".join(joined), str(len(joined) - 1)
-        os.environ[_CUT] = "1"
 
 
 def complete_method(incomplete: str) -> list[str]:
@@ -49,12 +47,10 @@ def complete_method(incomplete: str) -> list[str]:
 
 def complete_override(incomplete: str) -> list[str]:
     """Keys of the config that begin as typed, each with its `=`; after the `=` the values, where they are names."""
-    key, equals, _ = incomplete.partition("=")
-    if not equals:
-        return [f"{name}=" for name in _keys() if name.startswith(incomplete)]
-    values = [f"{key}={value}" for value in _values(key)]
-    fitting = [value for value in values if value.startswith(incomplete)]
-    return [value.partition("=")[2] for value in fitting] if os.environ.get(_CUT) else fitting
+    cut_off = os.environ.get(_CUT_OFF, "")
+    key, equals, _ = (typed := cut_off + incomplete).partition("=")
+    known = [f"{key}={value}" for value in _values(key)] if equals else [f"{name}=" for name in _keys()]
+    return [word.removeprefix(cut_off) for word in known if word.startswith(typed)]
 
 
 def _keys() -> Iterator[str]:

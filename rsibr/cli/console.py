@@ -30,7 +30,6 @@ VIEW_STEPS = 16
 console = Console(stderr=True, highlight=False, markup=False)
 
 
-
 def say(text: str) -> None:
     """Print a line on stderr, unless `--quiet`."""
     if not is_quiet():

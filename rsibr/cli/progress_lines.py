@@ -39,7 +39,7 @@ class ProgressLines:
     ) -> None:
         self._name, self._unit, self._say, self._every, self._now = name, unit, say, every, now
         self._start = self._last = now()
-        self._first: float | None = None
+        self._first: tuple[float, float] | None = None  # time of the first state, and the work that was done by then
         self._before: tuple[int, str] | None = None
         say(f"{name}: preparing")
 
@@ -60,14 +60,14 @@ class ProgressLines:
         if self._first is None or waited or stepped:
             self._say(self._line(done, total, step, passed))
             self._last = now
-        self._first = done if self._first is None else self._first
+        self._first = self._first or (passed, done)
         self._before = at
 
     def _line(self, done: float, total: float, step: str, passed: float) -> str:
         share = f"{done / total:.0%}" if total else "100%"
         counted = f"{int(done)} of {int(total)} {self._unit} ({share})" if self._unit else share
         parts = [counted, *([step] if step else []), f"{duration(passed)} elapsed"]
-        made = 0.0 if self._first is None else done - self._first
-        if made > 0 and total > done:
-            parts.append(f"about {duration(passed * (total - done) / made)} left")
+        began, before = self._first or (passed, done)
+        if before < done < total:
+            parts.append(f"about {duration((passed - began) * (total - done) / (done - before))} left")
         return f"{self._name}: {', '.join(parts)}"

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rsibr.cli.named_bakes import named_bakes, only_bake
-from rsibr.cli.options import Imports, Json, Lookup, MethodsOf, Yes, check_output_folder, imported, parse_resolution, parse_view
+from rsibr.cli.options import (
+    Imports,
+    Json,
+    Lookup,
+    MethodsOf,
+    Yes,
+    check_output_folder,
+    imported,
+    parse_resolution,
+    parse_view,
+)
 from rsibr.errors import InputError, printable
 
 if TYPE_CHECKING:

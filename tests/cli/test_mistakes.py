@@ -121,7 +121,9 @@ def test_a_wrong_override(shell, config, tmp_path, override, says):
 @pytest.mark.parametrize("text", ["[" * 100_000, "{", "[]", '{"directions": 3}', '{"directions": [[1, 2], [3]]}'])
 def test_views_that_are_none(shell, config, tmp_path, text):
     (tmp_path / "views.json").write_text(text)
-    shell.refuses("bake", config, "--out", tmp_path / "x", "--set", f"views.file={tmp_path / 'views.json'}", says="views.json")
+    shell.refuses(
+        "bake", config, "--out", tmp_path / "x", "--set", f"views.file={tmp_path / 'views.json'}", says="views.json"
+    )
 
 
 def test_an_environment_with_a_nan_names_the_texel(shell, config, tmp_path):
@@ -137,7 +139,9 @@ def test_an_environment_with_a_nan_names_the_texel(shell, config, tmp_path):
 def test_an_environment_that_is_truncated(shell, config, tmp_path):
     data = write_exr(tmp_path / "sky.exr", np.ones((64, 128, 3))).read_bytes()
     (tmp_path / "sky.exr").write_bytes(data[: len(data) // 2])
-    shell.refuses("bake", config, "--out", tmp_path / "x", "--set", f"environment.file={tmp_path / 'sky.exr'}", says="sky.exr")
+    shell.refuses(
+        "bake", config, "--out", tmp_path / "x", "--set", f"environment.file={tmp_path / 'sky.exr'}", says="sky.exr"
+    )
 
 
 def test_an_out_that_holds_other_things(shell, config, tmp_path):

@@ -43,7 +43,9 @@ def read_record(sidecar: Path) -> SequenceRecord:
         frames = {str(name): _entry(entry) for name, entry in found["frames"].items()}
         film, exposure = found.get("film"), found.get("exposure")
         exposure = float(exposure) if exposure is not None and 0 < float(exposure) < math.inf else None
-        return SequenceRecord(frames, exposure, str(found.get("exposed_by", "")), None if film is None else _entry(film))
+        return SequenceRecord(
+            frames, exposure, str(found.get("exposed_by", "")), None if film is None else _entry(film)
+        )
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
         return SequenceRecord()
 
