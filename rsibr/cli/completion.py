@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any, get_args
+from typing import get_args
 
 from rsibr.cli.method_names import listed_methods
 

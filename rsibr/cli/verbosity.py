@@ -63,7 +63,7 @@ def _chooses(level: Verbosity) -> Callable[[bool], None]:
 
 
 def _declares(
-    quiet: Annotated[  # noqa: ARG001
+    quiet: Annotated[
         bool,
         typer.Option(
             "--quiet",
@@ -73,7 +73,7 @@ def _declares(
             help="Print no progress and no notes: only results and errors.",
         ),
     ] = False,
-    verbose: Annotated[  # noqa: ARG001
+    verbose: Annotated[
         bool,
         typer.Option(
             "--verbose",

@@ -100,8 +100,8 @@ def reconstruct(
     Parameters
     ----------
     bake : Bake or path
-        A finished bake; for methods that read no maps also the config of a scene (`.toml`) or an unfinished bake. To reconstruct many views,
-        make a `MethodSet` once and call `run`.
+        A finished bake; for methods that read no maps also the config of a scene (`.toml`) or an unfinished bake. To
+        reconstruct many views, make a `MethodSet` once and call `run`.
     view : array_like, shape (3,)
         Direction from the surface to the viewer, of any positive length.
     method : str, optional
