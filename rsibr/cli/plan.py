@@ -59,7 +59,7 @@ def _row(effect: Effect) -> Iterator[str]:
         (effect.cost_seconds, effect.cost_bytes) if effect.on else (effect.saved_seconds, effect.saved_bytes)
     )
     yield effect.name
-    yield ("on" if effect.on else "off") + (" (forced)" if effect.forced else "")
+    yield ("on" if effect.on else "off") + (" (as set)" if effect.forced else "")
     yield number(effect.evidence)
     yield number(effect.threshold)
     yield "?" if seconds is None else f"{sign}{seconds:.2f}" if seconds else "0"
