@@ -52,6 +52,10 @@ def render(
     rays: Annotated[int, typer.Option(min=1, max=4096, help="Rays a pixel.")] = 16,
     occlusion: Annotated[Switch, typer.Option(help="Whether the object hides the sky from itself.")] = Switch.auto,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse shapes without a bake.")] = False,
+    environment_distance: Annotated[
+        float | None,
+        typer.Option(metavar="UNITS", help="Distance to what surrounds the object: a note says if that is too near."),
+    ] = None,
     exposure: Annotated[
         float | None, typer.Option(metavar="STOPS", help="Of a PNG or film; 0: radiance 1 is white. By default chosen.")
     ] = None,
@@ -72,7 +76,13 @@ def render(
     from rsibr.cli.job import note_job
 
     given: dict[str, Any] = {"method": method, "rays": rays, "lookup": lookup, "occlusion": occlusion.value}
-    given |= {"strict": strict, "exposure": exposure, "allow_large": allow_large, "on_forecast": note_job}
+    given |= {
+        "environment_distance": environment_distance,
+        "strict": strict,
+        "exposure": exposure,
+        "allow_large": allow_large,
+        "on_forecast": note_job,
+    }
     with step_progress("render") as show:
         if frames is None:
             picture = asked.picture(on_progress=show, **given)

@@ -60,6 +60,8 @@ def test_a_turntable_of_numbered_files(shell, baked, tmp_path):
         (["--rays", "0"], "--rays"),
         (["--occlusion", "maybe"], "--occlusion"),
         (["--exposure", "99"], "--exposure"),
+        (["--environment-distance", "0"], "--environment-distance"),
+        (["--environment-distance=nan"], "--environment-distance"),
         (["--frames", "0"], "--frames"),
         (["--path", "p.json"], "--frames"),
         (["--fresh"], "--frames"),
@@ -74,6 +76,14 @@ def test_wrong_arguments(shell, tmp_path, monkeypatch, arguments, says):
     out = [] if "--out" in arguments else ["--out", "a.exr"]
     shell.refuses("render", "sphere", *bake, *out, *arguments, "--json", says=says)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_near_surroundings_are_noted(shell, baked, tmp_path):
+    render = ["render", "sphere", "--bake", baked, "--out", tmp_path / "a.png", *SMALL]
+    assert "near_field" not in shell(*render).stderr
+    assert "near_field" not in shell(*render, "--environment-distance", "1000").stderr
+    near = shell(*render, "--environment-distance", "5").stderr
+    assert "note: near_field: left out, though it matters here: the surroundings are near" in near
 
 
 def test_wrong_inputs(shell, baked, tmp_path):

@@ -132,6 +132,7 @@ def render_sequence(
     lookup: str = "pixel",
     occlusion: Occlusion = "auto",
     strict: bool = False,
+    environment_distance: float | None = None,
     exposure: float | None = None,
     fresh: bool = False,
     on_progress: OnProgress | None = None,
@@ -144,7 +145,8 @@ def render_sequence(
 
     Parameters
     ----------
-    scene, bakes, method, camera, resolution, rays, lookup, occlusion, strict, exposure, on_forecast, allow_large
+    scene, bakes, method, camera, resolution, rays, lookup, occlusion, strict, environment_distance, exposure,
+    on_forecast, allow_large
         As for `rsibr.render`. The exposure is one for all frames.
     out : path
         `name.exr`, `name.png`: numbered files `name_0001.exr` and so on, or with the number where `#` or `%04d` stands.
@@ -179,7 +181,16 @@ def render_sequence(
     files = _checked_files(out, frames)
     record = SequenceRecord() if fresh else read_record(files.sidecar)
     keys = None if path is None else read_path(Path(path))
-    job = RenderJob.opened(scene, bakes, method=method, rays=rays, lookup=lookup, occlusion=occlusion, strict=strict)
+    job = RenderJob.opened(
+        scene,
+        bakes,
+        method=method,
+        rays=rays,
+        lookup=lookup,
+        occlusion=occlusion,
+        strict=strict,
+        environment_distance=environment_distance,
+    )
     first = chosen_camera(job.scene, camera, resolution)
     cameras = turntable(first, job.scene.centre, frames) if keys is None else along_path(keys, first, frames)
     size = _sequence_size(job.size(first), files, first)
