@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rsibr.geometry.projections.latlong import MITSUBA
 from rsibr.geometry.projections.projection import projection
-from rsibr.methods.kautz2003.claims import environment_faces, small_sun
+from rsibr.geometry.projections.sphere_image import SphereImage, converted
+from rsibr.methods.kautz2003.claims import small_sun
 from rsibr.resources import scenes
 from rsibr.scene.config import EnvironmentConfig
 from rsibr.scene.environment import load_environment
+from rsibr.scene.latlong import read_latlong
 from rsibr.scene.panorama.face_borders import unfit_faces
 from tests.scene.cube_faces import DIRECTIONS, face, write_faces
 from tests.scene.maps import write_exr
@@ -22,7 +25,8 @@ SIDE = 64
 @pytest.fixture(scope="module")
 def cubes():
     """Faces of the shipped environments, each made once."""
-    return {name: environment_faces(scenes() / "environments" / f"{name}.exr", SIDE) for name in SKIES}
+    images = {name: read_latlong(scenes() / "environments" / f"{name}.exr").image for name in SKIES}
+    return {name: converted(SphereImage(MITSUBA, image[None]), CUBE, SIDE).values for name, image in images.items()}
 
 
 def smooth(side=32):
