@@ -89,7 +89,7 @@ def _ended(command: Callable[[], Any]) -> int:
 def _say_time() -> None:
     """Print total time and start-up time on stderr, unless no backend was used."""
     start_up = clock.start_up_seconds()
-    if start_up is None or is_quiet():
+    if start_up is None or is_quiet() or "--json" in sys.argv:
         return
     whole = time.perf_counter() - clock.waiting_since()
     typer.echo(f"{whole:.1f} s in all, {start_up:.1f} s of it start-up", err=True)
