@@ -13,6 +13,7 @@ from rsibr.errors import InputError
 from rsibr.scene.panorama.colour import to_rec709
 from rsibr.scene.panorama.exr import read_exr
 from rsibr.scene.panorama.exr_channels import KEY
+from rsibr.scene.panorama.face_borders import unfit_faces
 from rsibr.scene.panorama.faces import stacked_faces
 from rsibr.scene.panorama.layout import aspect_notes, without_seam
 from rsibr.scene.panorama.picture import Picture
@@ -156,6 +157,7 @@ def read_faces(
             )
     sheets, clipped, lowest = _without_negatives(stacked_faces(images, paths))
     image = to_latlong(sheets, of, most_texels, str(paths["px"]))
+    notes += filter(None, [unfit_faces(sheets, of)])
     notes.append(f"its six faces were converted to {_size(image)} texels of latitude and longitude")
     return LatLong(image, clipped, lowest, 0.0, tuple(notes), sheets, of.name)
 
