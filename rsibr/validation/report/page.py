@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
@@ -15,6 +16,9 @@ from rsibr.version import __version__
 
 _LONGEST_EMBEDDED = 256
 """Maximum texels a side of the images in the page; the files in `pictures/` have full size."""
+
+_THUMBNAIL = 64
+"""The same of the small images that stand for a view in an index."""
 
 
 def render(template: str, *, package: str = "", **values: Any) -> str:
@@ -44,6 +48,8 @@ def render(template: str, *, package: str = "", **values: Any) -> str:
         "duration": duration,
         "size": size,
         "picture": _embedded,
+        "false_colour": partial(_embedded, exact=True),
+        "thumbnail": partial(_embedded, longest=_THUMBNAIL),
     }
     environment.globals |= {
         "ticks": _ticks,
@@ -57,8 +63,8 @@ def render(template: str, *, package: str = "", **values: Any) -> str:
     return environment.get_template(template).render(**values)
 
 
-def _embedded(picture: Rgba) -> str:
-    return pictures.data_uri(pictures.shrunk(picture, _LONGEST_EMBEDDED))
+def _embedded(picture: Rgba, longest: int = _LONGEST_EMBEDDED, *, exact: bool = False) -> str:
+    return pictures.data_uri(pictures.shrunk(picture, longest), exact=exact)
 
 
 def _ticks(scale: Scale) -> list[tuple[float, str]]:
