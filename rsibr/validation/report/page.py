@@ -15,7 +15,7 @@ from rsibr.validation.report.pictures import FLIP, RELATIVE_ERROR, Rgba, Scale
 from rsibr.version import __version__
 
 _LONGEST_EMBEDDED = 256
-"""Maximum texels a side of the images in the page; the files in `pictures/` have full size."""
+"""Maximum texels a side of the images in the page, unless a template says another; files in `pictures/` are whole."""
 
 _THUMBNAIL = 64
 """The same of the small images that stand for a view in an index."""
@@ -44,6 +44,7 @@ def render(template: str, *, package: str = "", **values: Any) -> str:
     environment.filters |= {
         "number": number,
         "estimate": estimate,
+        "brief": brief,
         "plus_minus": plus_minus,
         "duration": duration,
         "size": size,
@@ -80,6 +81,11 @@ def number(value: float | None, digits: int = 3) -> str:
 def estimate(value: Estimate) -> str:
     """Format an estimate with its interval."""
     return _kept_together(str(value))
+
+
+def brief(value: Estimate) -> str:
+    """Format an estimate with two digits; below the noise floor as its upper limit: `< 0.0025`."""
+    return _kept_together(f"< {readable(value.ci95[1], 2)}") if value.below_noise_floor else number(value.value, 2)
 
 
 def plus_minus(value: Estimate) -> str:

@@ -52,14 +52,19 @@ class _ViewPictures:
 
     def named(self, number: int) -> Iterator[tuple[str, Rgba]]:
         """Yield file names and images."""
-        yield f"view_{number:02d}_reference.png", self.reference
-        yield f"view_{number:02d}_reference_noise.png", self.noise
+        yield _file_name(number, "reference"), self.reference
+        yield _file_name(number, "reference_noise"), self.noise
         for kind, by_method in (("", self.images), ("_error", self.errors), ("_flip", self.flips)):
             for method, picture in by_method.items():
-                yield f"view_{number:02d}_{file_stem(method)}{kind}.png", picture
+                yield _file_name(number, method + kind), picture
         for lobe, drawn in self.lobes.items():
             for kind, picture in vars(drawn).items():
-                yield f"view_{number:02d}_lobe_{lobe}_{kind}.png", picture
+                yield _file_name(number, f"lobe_{lobe}_{kind}"), picture
+
+
+def _file_name(number: int, of: str) -> str:
+    """Name of an image of a view in `pictures/`."""
+    return f"view_{number:02d}_{file_stem(of)}.png"
 
 
 def write_report(validation: Validation, directory: Path) -> Path:
@@ -151,6 +156,10 @@ class _ShownView:
     def id(self) -> str:
         """Name in the page."""
         return f"view-{self.number}"
+
+    def file(self, of: str) -> str:
+        """Path of the whole image, from the page."""
+        return f"{PICTURES_NAME}/{_file_name(self.number, of)}"
 
 
 def _page(validation: Validation, drawn: list[_ViewPictures]) -> str:

@@ -50,6 +50,7 @@
     slider.setAttribute("aria-valuetext", `${a.dataset.of} left of ${place.wipe} %, ${b.dataset.of} right of it`);
     stage.querySelector("[aria-live]").textContent = `left ${a.dataset.of}, right ${b.dataset.of}. ${errorText.textContent}`;
     for (const card of cards()) card.classList.toggle("shown", card === a || card === b);
+    if (place.zoom >= 2) sharpen();
   }
 
   // ---- Where in them: the upper left corner of the picture in units of the pane, and its size ----
@@ -64,12 +65,26 @@
     slider.value = place.wipe;
   }
 
+  // Zoomed in, the whole images replace those in the page, where the folder lies beside it.
+  function sharpen() {
+    const kinds = [[choose.a.value, "image"], [choose.b.value, "image"], [choose.b.value, choose.kind.value]];
+    for (const [name, kind] of kinds) {
+      const shown = picture(named(name), kind);
+      if (!shown || !shown.dataset.file) continue;
+      const whole = new Image();
+      whole.onload = () => { shown.src = whole.src; show(); };
+      whole.src = shown.dataset.file;
+      delete shown.dataset.file; // asked for once
+    }
+  }
+
   function zoomTo(zoom, at = [0.5, 0.5]) {
     const next = Math.min(MOST, Math.max(1, zoom));
     place.x = at[0] - ((at[0] - place.x) * next) / place.zoom;
     place.y = at[1] - ((at[1] - place.y) * next) / place.zoom;
     place.zoom = next;
     apply();
+    if (next >= 2) sharpen();
   }
 
   function wipeTo(share) {
