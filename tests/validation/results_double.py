@@ -14,7 +14,6 @@ from rsibr.validation.metrics import compare
 from rsibr.validation.results import BakeSummary, MethodResult, Validation, ViewResult
 from tests.validation.doubles import noisy_reference, smooth_map
 
-
 _TITLES = {"diffuse": "diffuse under a coat", "coat": "clear coat, α 0.015"}
 
 

@@ -70,8 +70,8 @@ def write_gallery(out: Path, entries: Sequence[GalleryEntry], title: str) -> Pat
     out : Path
         Directory of the batch; reports are linked relative to it.
     entries : sequence of GalleryEntry
-        All jobs, in the order of the batch. At most `MOST_PICTURES` of them are in the page, failed ones first; the page
-        says how many more there are. Their pictures may be `thumbnail`s already.
+        All jobs, in the order of the batch. At most `MOST_PICTURES` of them are in the page, failed ones first; the
+        page says how many more there are. Their pictures may be `thumbnail`s already.
     title : str
         Name of the batch.
 

@@ -74,7 +74,8 @@ class ToneCurve:
         share = np.maximum(np.nan_to_num(radiance.astype(np.float64), nan=0.0, posinf=self.white) / self.white, 0.0)
         largest = share.max(axis=-1, keepdims=True)
         shown = _curve(np.minimum(largest, 1.0), self.contrast)
-        return np.asarray(share * np.divide(shown, largest, out=np.zeros_like(largest), where=largest > 0))
+        gain = np.divide(shown, largest, out=np.zeros_like(largest), where=largest > 0)
+        return np.asarray(np.minimum(share * gain, 1.0))
 
     @property
     def stops(self) -> int:
@@ -96,7 +97,7 @@ def _contrast(darkest: float) -> float:
         return 0.0
 
     def excess(power: float) -> float:
-        return float(_curve(np.float64(darkest), 10.0**power)) - DARK
+        return float(_curve(np.array(darkest), 10.0**power)) - DARK
 
     return float(10.0 ** brentq(excess, *_CONTRASTS))
 

@@ -6,8 +6,8 @@
   const stage = views && views.querySelector(".stage");
   if (!stage) return;
   const [wiped, judged] = stage.querySelectorAll(".pane");
-  const [left, right] = wiped.querySelectorAll("img");
-  const error = judged.querySelector("img");
+  const [left, right] = [...wiped.querySelectorAll(".half")].map((half) => half.appendChild(new Image()));
+  const error = judged.appendChild(new Image());
   const [leftText, rightText, errorText] = stage.querySelectorAll("figcaption span");
   const choose = Object.fromEntries([...stage.querySelectorAll("[data-choose]")].map((box) => [box.dataset.choose, box]));
   const slider = stage.querySelector(".wipe");
