@@ -50,9 +50,8 @@ class _Totals:
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """A job with its place in the batch and its picture as a data URI; None without a picture."""
+    """A job and its picture as a data URI; None without a picture."""
 
-    number: int
     entry: GalleryEntry
     uri: str | None
 
@@ -92,9 +91,9 @@ def write_gallery(out: Path, entries: Sequence[GalleryEntry], title: str) -> Pat
     PosixPath('out/zoo/gallery.html')
     """
     listed = _listed(entries)
-    small = [_with_thumbnail(entry, len(listed)) for _, entry in listed]
+    small = [_with_thumbnail(entry, len(listed)) for entry in listed]
     curve = ToneCurve.of(entry.picture for entry in small if entry.picture is not None)
-    jobs = [_Job(number, entry, _uri(entry, curve)) for (number, _), entry in zip(listed, small, strict=True)]
+    jobs = [_Job(entry, _uri(entry, curve)) for entry in small]
     page = render(
         "gallery.html.j2",
         package="rsibr.batches.gallery",
@@ -111,11 +110,10 @@ def write_gallery(out: Path, entries: Sequence[GalleryEntry], title: str) -> Pat
     return out / GALLERY_NAME
 
 
-def _listed(entries: Sequence[GalleryEntry]) -> list[tuple[int, GalleryEntry]]:
-    """Jobs that are in the page, with their numbers, in the order of the batch."""
-    numbered = list(enumerate(entries, 1))
-    failed_first = sorted(numbered, key=lambda one: not one[1].failed)
-    return sorted(failed_first[:MOST_PICTURES], key=lambda one: one[0])
+def _listed(entries: Sequence[GalleryEntry]) -> list[GalleryEntry]:
+    """Jobs that are in the page, in the order of the batch."""
+    failed_first = sorted(range(len(entries)), key=lambda place: not entries[place].failed)
+    return [entries[place] for place in sorted(failed_first[:MOST_PICTURES])]
 
 
 def _with_thumbnail(entry: GalleryEntry, jobs: int) -> GalleryEntry:
