@@ -77,7 +77,7 @@ def write_gallery(out: Path, entries: Sequence[GalleryEntry], title: str) -> Pat
     Returns
     -------
     Path
-        `out / "gallery.html"`, written atomically: about 5 kB a job, and a few MiB at most.
+        `out / "gallery.html"`, written atomically: about 5 kB a job if the pictures are noise, and at most 10 MiB.
 
     Raises
     ------

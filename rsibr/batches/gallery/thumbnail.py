@@ -9,7 +9,7 @@ MOST_PICTURES = 2000
 """Maximum number of jobs with a picture in one page."""
 
 _SIDES = ((200, 192), (600, 96), (MOST_PICTURES, 64))
-"""Texels a side up to a number of jobs: a page has a few MiB at most, whatever the number."""
+"""Texels a side up to a number of jobs: at each of them pictures of pure noise, the largest, make 6 to 10 MiB."""
 
 
 def thumbnail_side(jobs: int) -> int:

@@ -31,7 +31,7 @@
     for (const side of ["a", "b"]) {
       const box = choose[side];
       const before = box.value;
-      box.replaceChildren(...cards().map((card) => new Option(card.dataset.of)));
+      box.replaceChildren(...cards().map((card) => new Option(card.dataset.of, card.dataset.of)));
       const first = section().dataset[side === "a" ? "left" : "right"];
       box.value = named(before) ? before : first;
     }
