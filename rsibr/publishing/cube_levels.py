@@ -28,7 +28,7 @@ class CubeLevels:
     levels : tuple of ndarray, shape (6, N_k, N_k, 4), float16
         Faces px, nx, py, ny, pz, nz (`rsibr.geometry.projections.cube`), row 0 at the top, alpha 1.
     notes : tuple of str
-        Values that were clamped.
+        Values that were clamped, of all levels.
     """
 
     levels: tuple[NDArray[np.float16], ...]
@@ -42,9 +42,8 @@ class CubeLevels:
     @classmethod
     def of(cls, levels: Sequence[NDArray[np.float32]]) -> CubeLevels:
         """Round levels of shape (6, N, N, 3) to float16."""
-        halves = [to_half(level) for level in levels]
-        notes = [f"level {k}: {note}" for k, (_, told) in enumerate(halves) for note in told]
-        return cls(tuple(rgba(half) for half, _ in halves), tuple(notes))
+        _, notes = to_half(np.concatenate([level.ravel() for level in levels]))
+        return cls(tuple(rgba(to_half(level)[0]) for level in levels), notes)
 
     @classmethod
     def of_view(cls, view: PublishedView, size: int) -> CubeLevels:

@@ -13,6 +13,11 @@ LARGEST = 1e37
 """Largest value that is written; the exponent of the format ends at 1.7e38."""
 
 
+def _step(largest: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Step of the mantissa of pixels whose largest channel is given."""
+    return np.asarray(np.ldexp(np.float32(1), np.frexp(largest)[1] - _MANTISSA))
+
+
 def encode_radiance(image: NDArray[np.float32], about: str) -> tuple[bytes, tuple[str, ...]]:
     """Encode radiance of shape (H, W, 3); error at most 0.4 % of the largest channel of each pixel.
 
@@ -28,7 +33,7 @@ def encode_radiance(image: NDArray[np.float32], about: str) -> tuple[bytes, tupl
     values = np.clip(image, 0, LARGEST)
     # Mitsuba cuts mantissas off: half a step more rounds them, as readers that add nothing expect
     largest = values.max(axis=-1, keepdims=True)
-    step = np.ldexp(np.float32(1), np.frexp(largest)[1] - _MANTISSA)
+    step = _step(largest + _step(largest) / 2)  # that of the exponent after rounding
     bitmap = mi.Bitmap(np.ascontiguousarray(np.where(largest > 0, values + step / 2, 0), np.float32))
     bitmap.metadata()["comments"] = f"{about} {MAKER}"
     stream = mi.MemoryStream()
