@@ -39,10 +39,6 @@ def publish(
         str | None, typer.Option(help="Method; by default rsibr, and for all stored views their own maps.")
     ] = None,
     resolution: Annotated[int | None, typer.Option(help="Texels a side of the sphere maps; else the bake's.")] = None,
-    imports: Annotated[
-        list[str] | None,
-        typer.Option("--import", metavar="MODULE", help="Python module, or FILE.py, with formats; repeatable."),
-    ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Replace files that are there.")] = False,
     list_formats: Annotated[  # noqa: ARG001  # its callback has ended the command
         bool, typer.Option("--formats", is_eager=True, callback=_list, help="List the formats, and end.")
@@ -56,7 +52,6 @@ def publish(
     from rsibr.cli.console import console, step_progress
     from rsibr.publishing.publish import publish as run
 
-    _import(imports or [])
     with step_progress("publish") as show:
         made = run(
             bake,
@@ -89,11 +84,3 @@ def _views(texts: list[str] | None) -> str | tuple[float, ...] | list[tuple[floa
         return "all"
     directions: list[tuple[float, ...]] = [parse_view(text) for text in texts]
     return directions if len(directions) > 1 else directions[0]
-
-
-def _import(modules: list[str]) -> None:
-    """Run modules that register formats."""
-    from rsibr.scene.fresh_import import imported_afresh
-
-    for module in modules:
-        imported_afresh(str(Path(module).resolve()) if module.endswith(".py") else module, "--import")

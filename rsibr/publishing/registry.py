@@ -16,6 +16,7 @@ from importlib.metadata import entry_points
 from typing import Any, Literal, TypeVar
 
 from rsibr.errors import InputError, did_you_mean
+from rsibr.methods.address import code_at, is_address
 from rsibr.methods.method_name import parse_name
 from rsibr.registered import import_all, keyword_options
 
@@ -111,6 +112,9 @@ class Format:
 
 _REGISTERED: dict[str, Format] = {}
 
+_BY_CODE: dict[Make, Format] = {}
+"""Formats by the function that makes them; a module that is run twice has two of a name."""
+
 
 def register(
     name: str, *, summary: str, files: tuple[str, ...], of: Subject = "view", passes: bool = False
@@ -135,7 +139,7 @@ def register(
     """
 
     def decorate(make: Encoder) -> Encoder:
-        _REGISTERED[name] = Format(name, summary, files, make, of, passes)
+        _REGISTERED[name] = _BY_CODE[make] = Format(name, summary, files, make, of, passes)
         return make
 
     return decorate
@@ -155,16 +159,35 @@ def formats() -> dict[str, Format]:
 def format_of(name: str, options: Mapping[str, Any] | None = None) -> Format:
     """Format of a name, with values of some options.
 
+    Parameters
+    ----------
+    name : str
+        Name of a registered format, or the address of a registered function of one's own (`rsibr.methods.address`).
+    options : dict, optional
+        Values by name of the option.
+
     Raises
     ------
     InputError
-        If there is none, or it has no such option; the message suggests the nearest one and lists all.
+        If there is none, or it has no such option; the message suggests the nearest one and lists all. If the code at
+        an address cannot be loaded, or is no format.
     """
     known = formats()
+    if name not in known and is_address(name):
+        return _at(name).with_options(options or {})
     if name not in known:
         fix = did_you_mean(name, known) + f"there are: {', '.join(known)}"
         raise InputError(f"unknown format '{name}'", where="formats", fix=fix)
     return known[name].with_options(options or {})
+
+
+def _at(address: str) -> Format:
+    """Format that the module of an address registers with the function that it names."""
+    found = _BY_CODE.get(code_at(address, "format"))
+    if found is None:
+        fix = "decorate it with rsibr.publishing.registry.register"
+        raise InputError("is no format", where=f"format {address}", fix=fix)
+    return found
 
 
 def formats_of(names: Iterable[str]) -> list[Format]:

@@ -227,11 +227,12 @@ def test_the_command(plastic, shell, tmp_path):
         "@register('own', summary='ten bytes', files=('ten',))\n"
         "def own(view):\n    return Encoded({'ten': bytes(10)}, ('ten of them',))\n"
     )
-    arguments = ("publish", there, "--view", "1,2,3", "--as", "own", "--import", tmp_path / "own.py")
+    arguments = ("publish", there, "--view", "1,2,3", "--as", f"{tmp_path / 'own.py'}:own")
     try:
         ended = shell(*arguments, "--out", tmp_path / "out", "--json")
         assert ended.json["files"] == [str(tmp_path / "out" / "b.ten")]
         assert "note: b, own: ten of them" in ended.stderr
+        shell.refuses(*arguments[:-1], f"{tmp_path / 'own.py'}:Encoded", "--out", tmp_path / "c", says="is no format")
         shell.refuses(*arguments, "--out", tmp_path / "out", says="--out: ")
         assert shell(*arguments, "--out", tmp_path / "out", "--fresh").stdout == f"{tmp_path / 'out' / 'b.ten'}\n"
     finally:
