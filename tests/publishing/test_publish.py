@@ -157,6 +157,12 @@ def test_half_floats_are_clamped_and_it_is_said(name):
     assert one.encode(six_colours.view(16)).notes == ()
 
 
+def test_a_clamped_half_is_the_largest_and_not_infinite(tmp_path):
+    data = format_of("mirror-ball-exr", {"half": True}).encode(six_colours.view(16, scale=1e5)).files["ball.exr"]
+    (tmp_path / "x.exr").write_bytes(data)
+    assert programs.pixels(tmp_path / "x.exr").max() == 65504
+
+
 def test_negative_radiance_is_kept_where_it_can_be(tmp_path):
     negative = six_colours.view(16, scale=-1.0)
     made = format_of("latlong-hdr").encode(negative)

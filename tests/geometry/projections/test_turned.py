@@ -29,7 +29,7 @@ def test_directions_are_turned_and_found_again(name):
 
 
 def test_a_linear_field_of_the_world_stays_itself():
-    """x of a direction, on a mirror ball seen from anywhere, is x of that direction on a cube."""
+    """Components of a direction, on a mirror ball seen from anywhere, are those of that direction on a cube."""
     ball = Turned(projection("mirror-ball"), FRAME)
     values = np.array(texel_directions(ball, 128)).T.reshape(1, 128, 128, 3)
     cube = converted(SphereImage(ball, values), projection("cube"), 16).values
