@@ -1,9 +1,9 @@
 """Registry of formats by name. A format registers itself in its own file; no other file refers to it by name.
 
 Modules below `rsibr/publishing/formats/` are found by import, formats of installed packages by entry points of the
-group `rsibr.formats`:
+group `rsibr.publishing.formats`:
 
-    [project.entry-points."rsibr.formats"]
+    [project.entry-points."rsibr.publishing.formats"]
     tables = "my_package.tables"
 """
 
@@ -20,7 +20,7 @@ from rsibr.methods.address import code_at, is_address
 from rsibr.methods.method_name import parse_name
 from rsibr.registered import import_all, keyword_options
 
-ENTRY_POINTS = "rsibr.formats"
+ENTRY_POINTS = "rsibr.publishing.formats"
 """Entry-point group in which other packages declare formats."""
 
 Subject = Literal["view", "light"]

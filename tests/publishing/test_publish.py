@@ -249,3 +249,29 @@ def test_the_command(plastic, shell, tmp_path):
     shell.refuses("publish", there, "--as", "dds", "--out", tmp_path / "c", says="--view: no view is named")
     shell.refuses("publish", there, "--as", "dds", "--view", "all", "--view", "1,2,3", "--out", tmp_path, says="--view")
     shell.refuses("publish", there, "--as", "ddss", "--view", "1,2,3", "--out", tmp_path, says="--as: unknown format")
+
+
+def test_a_package_declares_formats_by_an_entry_point(monkeypatch):
+    from importlib.metadata import EntryPoint
+
+    from rsibr.publishing import registry
+
+    loaded = []
+    monkeypatch.setattr(EntryPoint, "load", lambda self: loaded.append(self.value))
+    points = [EntryPoint("tables", "package.tables", registry.ENTRY_POINTS)]
+    monkeypatch.setattr(registry, "entry_points", lambda group: points if group == registry.ENTRY_POINTS else [])
+    registry._discover.cache_clear()
+    assert "ktx2" in formats()
+    assert loaded == ["package.tables"]
+
+    def broken(self):
+        raise RuntimeError("no")
+
+    monkeypatch.setattr(EntryPoint, "load", broken)
+    registry._discover.cache_clear()
+    with pytest.raises(
+        InputError, match=r"'tables' of rsibr\.publishing\.formats \(package\.tables\).*RuntimeError: no"
+    ):
+        formats()
+    monkeypatch.undo()
+    registry._discover.cache_clear()
