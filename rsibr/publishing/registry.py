@@ -86,12 +86,15 @@ class Format:
 
         Raises
         ------
-        ValueError
-            If it makes other files than it declares: a fault of the format.
+        InputError
+            If an option has an invalid value, or the format cannot hold the subject. If it makes other files than it
+            declares, which is a fault of the format.
         """
         made = self.make(subject, **self.chosen)
-        if set(made.files) != set(self.files):
-            raise ValueError(f"format {self.name} declares the files {self.files} and makes {tuple(made.files)}")
+        found = tuple(made.files) if isinstance(made, Encoded) else (type(made).__name__,)
+        if set(found) != set(self.files):
+            what = f"declares the files {', '.join(self.files)} and makes {', '.join(found)}"
+            raise InputError(what, where=f"format {self.name}", fix="mend its code")
         return made
 
     def with_options(self, options: Mapping[str, Any]) -> Format:
