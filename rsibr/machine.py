@@ -9,6 +9,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from rsibr.errors import InputError
+
 _CGROUPS = Path("/sys/fs/cgroup")
 _INACTIVE = "total_inactive_file", "inactive_file"
 """Keys of a group's file cache in `memory.stat`, versions 1 and 2: the kernel gives it back on demand."""
@@ -57,6 +59,21 @@ def free_disk(path: Path) -> int:
 def existing_folder(path: Path) -> Path:
     """Return `path`, or its nearest parent that exists."""
     return next(place for place in (path, *path.absolute().parents) if place.exists())
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for output, and its parents, unless it exists.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        what = f"{folder} cannot be made ({error.strerror})"
+        raise InputError(what, where="out", fix="choose another place") from error
 
 
 def _group_limits(root: Path = _CGROUPS, membership: Path = Path("/proc/self/cgroup")) -> Iterator[tuple[int, int]]:

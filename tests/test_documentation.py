@@ -116,8 +116,10 @@ def commands_on(page: Page) -> Iterator[list[str]]:
 @each(ALL)
 def test_every_command_has_the_options_it_is_shown_with(page):
     for words in commands_on(page):
+        while words and words[0] in ("--quiet", "--verbose"):
+            words = words[1:]  # noqa: PLW2901
         if not words or words[0].startswith("-"):
-            assert set(words) <= {"--version", "--help"}, words
+            assert set(words[:1]) <= {"--version", "--help", "--install-completion", "--show-completion"}, words
             continue
         assert words[0] in COMMANDS, words
         known = options_of(words[0]) | {"--help"}
@@ -176,9 +178,9 @@ def test_the_page_of_the_command_line_has_every_option():
     for name in COMMANDS:
         assert f"rsibr {name}" in text
         part = text.partition(f"## `rsibr {name}")[2].partition("\n## ")[0]
-        shared = {"--json", "--help", "--import"}
+        shared = {"--json", "--help", "--import", "--quiet", "--verbose"}
         assert options_of(name) - shared - set(re.findall(r"--[a-z-]+", part)) == set(), name
-    assert all(f"`{option}" in text for option in ("--json", "--help"))
+    assert all(f"`{option}" in text for option in ("--json", "--help", "--quiet", "--verbose", "--show-completion"))
 
 
 def test_the_page_of_the_command_line_says_who_takes_plugins():

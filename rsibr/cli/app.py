@@ -10,7 +10,9 @@ import typer
 
 from rsibr.cli.bake import bake
 from rsibr.cli.check import check
+from rsibr.cli.commands import Command, Commands
 from rsibr.cli.compare import compare
+from rsibr.cli.completion import by_name_of_the_shell, cut_words_of_bash
 from rsibr.cli.demo import demo
 from rsibr.cli.doctor import doctor
 from rsibr.cli.ending import run
@@ -19,18 +21,20 @@ from rsibr.cli.reconstruct import reconstruct
 from rsibr.cli.render import render
 from rsibr.cli.study import study
 from rsibr.cli.validate import validate
+from rsibr.cli.verbosity import Verbosity, choose
 from rsibr.cli.watchdog import end
 from rsibr.errors import RsibrError
 
+by_name_of_the_shell()
 app = typer.Typer(
     name="rsibr",
+    cls=Commands,
     help="Bake a material under a distant environment into radiance maps, reconstruct any view, measure the error.",
     rich_markup_mode=None,  # Rich would delay --help by half a second
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 for command in (demo, doctor, plan, bake, check, reconstruct, render, validate, study, compare):
-    app.command()(command)
+    app.command(cls=Command)(command)
 
 
 @app.callback(invoke_without_command=True)
@@ -53,13 +57,15 @@ def main() -> NoReturn:
     # Read when NumPy and SciPy load, each with a BLAS of its own. Our products are small, and starting the threads of
     # both takes a quarter of a second of processor, more than the mathematics of a view.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    cut_words_of_bash()
     end(run(_command))
 
 
 def _command() -> Any:
     """Run the command; an error that names a Python parameter is raised again with the name of its option."""
+    choose(Verbosity.NORMAL)
     try:
-        return app(standalone_mode=False)
+        return app(prog_name="rsibr", standalone_mode=False)
     except RsibrError as error:
         option = _options().get(error.where)
         if option is None:

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.options import Config, Imports, Json, Yes, check_output_folder, imported
+from rsibr.cli.options import Config, Imports, Json, Overrides, Yes, check_output_folder, imported
+from rsibr.cli.verbosity import is_verbose
 from rsibr.errors import printable
 
 
@@ -17,9 +18,7 @@ def bake(
     out: Annotated[
         Path | None, typer.Option(help="Directory of the bake; by default CONFIG's name with the suffix .rsibr.")
     ] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the config; repeatable.")
-    ] = None,
+    overrides: Overrides = None,
     clamp: Annotated[
         float | None,
         typer.Option(help="Clamp the radiance of samples: less noise, and a negative bias that `check` reports."),
@@ -45,12 +44,16 @@ def bake(
     known = None if fresh else finished_bake(settings, path)
     if known is None:
         check_output_folder(path)
-    with bake_progress() as show:
-        finished = known or run_bake(
-            settings, out=path, fresh=fresh, on_progress=show, on_forecast=note_job, allow_large=allow_large
-        )
-    note_peculiarities(finished)
-    note_health(finished)
+    if known is not None:
+        finished = known
+    else:
+        with bake_progress() as show:
+            finished = run_bake(
+                settings, out=path, fresh=fresh, on_progress=show, on_forecast=note_job, allow_large=allow_large
+            )
+    if known is None or is_verbose():  # a complete bake has said its notes when it was made
+        note_peculiarities(finished)
+        note_health(finished)
     if json_output:
         state = {
             "bake": str(finished.path),

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsibr.cli.options import Imports, Json, Yes, check_output_folder, imported
+from rsibr.cli.options import Imports, Json, MethodsOf, Yes, check_output_folder, imported
+from rsibr.cli.streams import plain
 from rsibr.errors import printable
 
 if TYPE_CHECKING:
@@ -21,13 +22,13 @@ def compare(
     config: Annotated[
         list[Path],
         typer.Argument(
-            metavar="CONFIG…", help="Bake configs, one scene each, or files of scenes (TOML).", show_default=False
+            metavar="CONFIG", help="Bake configs, one scene each, or files of scenes (TOML).", show_default=False
         ),
     ],
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Directory for compare.html, .json, .csv, bakes and references.")
     ],
-    method: Annotated[list[str] | None, typer.Option(help="Method to compare; repeatable; by default all.")] = None,
+    method: MethodsOf = None,
     external: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=DIR", help="Maps of another program: folder of EXR, or CSV; repeatable."),
@@ -82,33 +83,24 @@ def print_comparison(found: Comparison) -> None:
     for record in found.document.classes:
         typer.echo(f"\n{printable(record.name)} ({record.scenes} scene{'s' * (record.scenes != 1)})")
         for sentence in answers(record):
-            typer.echo("  " + _plain(sentence))
+            typer.echo("  " + plain(sentence))
     for scene in found.document.scenes:
         for label, reason in scene.refused.items():
-            typer.echo(printable(f"not compared: {label} on {scene.name}: {reason}"))
-    typer.echo(f"took {_plain(duration(found.document.seconds))}")
+            typer.echo(plain(f"not compared: {label} on {scene.name}: {reason}"))
+    typer.echo(f"took {plain(duration(found.document.seconds))}")
     typer.echo(f"report: {printable(found.out / 'compare.html')}")
 
 
 def _print_errors(classes: Sequence[ClassRecord]) -> None:
     """Print a table of relMSE: a row a setting, a column a class."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    from rsibr.cli.table import print_table
+    from rsibr.cli.table import new_table, print_table
     from rsibr.studies.compare.page import shown
 
     by_class = {record.name: {one.label: shown(one) for one in record.means} for record in classes}
-    table = Table(box=SIMPLE_HEAD, title="relMSE, geometric mean over the scenes of a class", title_justify="left")
-    table.add_column("setting", no_wrap=True)
+    table = new_table("setting", title="relMSE, geometric mean over the scenes of a class")
     for name in by_class:
         table.add_column(printable(name))
     for label in dict.fromkeys(label for errors in by_class.values() for label in errors):
         errors = (found.get(label) for found in by_class.values())
         table.add_row(printable(label), *(error or "–" for error in errors))
     print_table(table)
-
-
-def _plain(text: str) -> str:
-    """Text of the page for a terminal: ordinary spaces."""
-    return printable(text.replace("\u00a0", " "))

@@ -1,4 +1,8 @@
-"""Progress bars and notes of commands, all on stderr; stdout is reserved for results."""
+"""Progress and notes of commands, all on stderr; stdout is reserved for results.
+
+On a terminal progress is a bar, elsewhere (a file, a pipe, `TERM=dumb`) lines. Lines are never wrapped: a terminal
+does that by itself, and a log keeps them whole.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.progress import TimeRemainingColumn as TimeLeftColumn
 
-from rsibr.errors import printable
+from rsibr.cli.progress_lines import ProgressLines
+from rsibr.cli.streams import plain
+from rsibr.cli.verbosity import is_quiet, is_verbose
 
 if TYPE_CHECKING:
     from rsibr.methods.reconstruction import Reconstruction
@@ -24,9 +30,24 @@ VIEW_STEPS = 16
 console = Console(stderr=True, highlight=False, markup=False)
 
 
+def say(text: str) -> None:
+    """Print a line on stderr, unless `--quiet`."""
+    if not is_quiet():
+        console.print(plain(text), soft_wrap=True)
+
+
+def note(text: str) -> None:
+    """Print a note on stderr, unless `--quiet`."""
+    say(f"note: {text}")
+
+
 @contextmanager
 def bake_progress() -> Iterator[Callable[[Work], None]]:
-    """Show two progress bars, for the whole bake and the current view, each with its remaining time."""
+    """Show two progress bars, for the whole bake and the current view, each with its remaining time; or lines."""
+    if not _shows_bars():
+        lines = _lines("bake", "views")
+        yield lambda state: lines(state.done, state.total, state.step)
+        return
     with _bars() as bars:
         whole: TaskID | None = None
         view: TaskID | None = None
@@ -48,7 +69,10 @@ def bake_progress() -> Iterator[Callable[[Work], None]]:
 
 @contextmanager
 def step_progress(name: str) -> Iterator[Callable[[int, int], None]]:
-    """Show one progress bar for a number of equal steps."""
+    """Show the progress through a number of equal steps, as a bar or as lines."""
+    if not _shows_bars():
+        yield _lines(name, "steps")
+        return
     with _bars() as bars:
         task: TaskID | None = None
 
@@ -61,16 +85,36 @@ def step_progress(name: str) -> Iterator[Callable[[int, int], None]]:
         yield show
 
 
+@contextmanager
+def time_progress(name: str) -> Iterator[Callable[[Work], None]]:
+    """Show the progress of a job whose work is counted in expected seconds, as a bar or as lines."""
+    if not _shows_bars():
+        lines = _lines(name, "")
+        yield lambda state: lines(state.done, state.total, state.step)
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("left"))
+    with Progress(*columns, TimeLeftColumn(), console=console, transient=True) as bars:
+        task: TaskID | None = None
+
+        def show(state: Work) -> None:
+            nonlocal task
+            if task is None:
+                task = bars.add_task(name, total=state.total)
+            bars.update(task, completed=state.done, description=state.step)
+
+        yield show
+
+
 def note_peculiarities(bake: Bake) -> None:
     """Print notes on the material, the environment, effects that were forced off, and clipped values."""
-    for note in bake.manifest.material.notes:
-        console.print(printable(f"note: {bake.manifest.material.name}: {note}"))
-    for note in bake.manifest.plan.notes() if bake.manifest.plan else ():
-        console.print(printable(f"note: {note}"))
+    for text in bake.manifest.material.notes:
+        note(f"{bake.manifest.material.name}: {text}")
+    for text in bake.manifest.plan.notes() if bake.manifest.plan else ():
+        note(text)
     environment = bake.manifest.environment
     if environment.clipped:
-        console.print(
-            f"note: {printable(environment.name)}: {environment.clipped} negative values clipped to 0 "
+        note(
+            f"{environment.name}: {environment.clipped} negative values clipped to 0 "
             f"(the lowest was {environment.lowest:.2g})"
         )
 
@@ -86,14 +130,23 @@ def note_health(bake: Bake) -> None:
     }
     found = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
     if found:
-        console.print(f"note: suspicious texels: {found}. `rsibr check {printable(bake.path)}` lists them")
+        note(f"suspicious texels: {found}. `rsibr check {bake.path}` lists them")
 
 
 def note_non_finite(map_: Reconstruction) -> None:
     """Print the number of texels of a reconstruction that are not finite, if there are any."""
     count = int((~np.isfinite(map_.image).all(axis=-1)).sum())
     if count:
-        console.print(f"note: {count} texels are not finite (NaN or infinite)")
+        note(f"{count} texels are not finite (NaN or infinite)")
+
+
+def _shows_bars() -> bool:
+    return console.is_terminal and not console.is_dumb_terminal and not is_quiet()
+
+
+def _lines(name: str, unit: str) -> Callable[..., None]:
+    """Progress as lines; nothing with `--quiet`."""
+    return ProgressLines(name, unit, say, every=is_verbose()).show
 
 
 def _bars() -> Progress:

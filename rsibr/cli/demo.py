@@ -9,7 +9,7 @@ import typer
 
 from rsibr.cli.options import Imports, Json, Yes, check_output_folder, imported
 from rsibr.cli.validate import print_validation
-from rsibr.errors import printable
+from rsibr.cli.verbosity import is_verbose
 
 VIEWS = 8
 SAMPLES = 512
@@ -24,9 +24,9 @@ def demo(
     """Bake a car paint under a real sky, reconstruct novel views, compare with path tracing, write a report."""
     from rsibr import clock
     from rsibr.baking.baker import bake
-    from rsibr.baking.finished import is_outdated
+    from rsibr.baking.finished import finished_bake, is_outdated
     from rsibr.baking.scene import Scene
-    from rsibr.cli.console import bake_progress, console, note_peculiarities, step_progress
+    from rsibr.cli.console import bake_progress, note_peculiarities, say, step_progress
     from rsibr.cli.job import note_job
     from rsibr.resources import configs
     from rsibr.scene.config import load_config
@@ -34,10 +34,11 @@ def demo(
 
     check_output_folder(out)
     settings = load_config(configs() / "demo.toml").with_plugins(imported(imports))
+    path = out / "paint.rsibr"
+    known = finished_bake(settings, path)
     with clock.counting(), bake_progress() as show:
         scene = Scene.prepare(settings)
-        path = out / "paint.rsibr"
-        baked = bake(
+        baked = known or bake(
             scene,
             out=path,
             fresh=is_outdated(settings, path),
@@ -45,10 +46,10 @@ def demo(
             on_forecast=note_job,
             allow_large=allow_large,
         )
-    note_peculiarities(baked)
-    console.print(
-        f"baked {baked.view_count} views of {baked.resolution}² in {baked.seconds:.1f} s: {printable(baked.path)}"
-    )
+    if known is None or is_verbose():
+        note_peculiarities(baked)
+    done = "baked" if known is None else "already baked:"
+    say(f"{done} {baked.view_count} views of {baked.resolution}² in {baked.seconds:.1f} s: {baked.path}")
     with step_progress("validate") as step:
         found = validate(
             baked, views=VIEWS, samples=SAMPLES, out=out, on_progress=step, scene=scene, allow_large=allow_large

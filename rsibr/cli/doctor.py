@@ -246,13 +246,15 @@ def _print(diagnosis: Diagnosis) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from rsibr.cli.table import print_table
+
     table = Table.grid(padding=(0, 2))
-    table.add_column(style="bold")
+    table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
     for label, value in _rows(diagnosis):
         table.add_row(label, value)
+    print_table(table)
     console = Console(highlight=False, markup=False)
-    console.print(table)
     for lack in diagnosis.missing:
         console.print(f"missing: {lack}", style="red", markup=False, soft_wrap=True)
     for line in diagnosis.advice:

@@ -18,7 +18,8 @@ from typing import Any, TextIO
 import typer
 
 from rsibr import clock
-from rsibr.cli.streams import diagnostics, open_standard_streams, results_alone_on_stdout
+from rsibr.cli.streams import alarm, diagnostics, open_standard_streams, results_alone_on_stdout
+from rsibr.cli.verbosity import is_quiet
 from rsibr.cli.watchdog import ending_after_grace
 from rsibr.errors import InputError, MachineError, RsibrError
 
@@ -86,16 +87,16 @@ def _ended(command: Callable[[], Any]) -> int:
 
 
 def _say_time() -> None:
-    """Print total time and start-up time, unless no backend was used."""
+    """Print total time and start-up time on stderr, unless no backend was used."""
     start_up = clock.start_up_seconds()
-    if start_up is None or "--json" in sys.argv:
+    if start_up is None or is_quiet() or "--json" in sys.argv:
         return
     whole = time.perf_counter() - clock.waiting_since()
-    typer.echo(f"{whole:.1f} s in all, {start_up:.1f} s of it start-up")
+    typer.echo(f"{whole:.1f} s in all, {start_up:.1f} s of it start-up", err=True)
 
 
 def _fail(error: RsibrError) -> int:
-    typer.secho(f"error: {error}", fg="red", err=True)
+    alarm(f"error: {error}")
     _say_json(error, error.exit_code)
     return error.exit_code
 

@@ -10,14 +10,44 @@ from typing import Annotated
 import typer
 
 from rsibr import machine
+from rsibr.cli.completion import complete_method, complete_override
 from rsibr.errors import InputError
 from rsibr.picture_size import MOST_PIXELS
 
 _LONGEST_SHOWN = 100
 """Characters of an argument that an error repeats."""
 
+METHODS = "{methods}"
+"""Stands in a help text for the names of all listed methods; see `rsibr.cli.commands.Command`."""
+
 Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="Config file (TOML).", show_default=False)]
 BakePath = Annotated[Path, typer.Argument(metavar="BAKE", help="Directory of a bake.", show_default=False)]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Override a key of the config; a relative path in it starts at the working folder; repeatable.",
+        autocompletion=complete_override,
+    ),
+]
+Method = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help=f"Method: {METHODS}; by default rsibr.",
+        autocompletion=complete_method,
+    ),
+]
+MethodsOf = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--method",
+        metavar="NAME",
+        help=f"Method to compare: {METHODS}; repeatable; by default all.",
+        autocompletion=complete_method,
+    ),
+]
 Imports = Annotated[
     list[str] | None,
     typer.Option(
@@ -120,20 +150,18 @@ def check_output_folder(folder: Path) -> None:
 
 
 def check_output_file(file: Path) -> None:
-    """Check that `file` can be written.
+    """Check that `file` can be written; a folder that does not exist is made when it is.
 
     Raises
     ------
     InputError
-        If it is a folder or of a kind that is not written, or if its folder does not exist or is not writable.
+        If it is a folder or of a kind that is not written, or if its folder is not writable or cannot be made.
     """
     from rsibr.store.atomic import check_writable
 
     try:
         if not file.name or file.is_dir():
             raise InputError(f"{file} is a folder", where="--out", fix="name a file in it")
-        if not file.parent.is_dir():
-            raise InputError(f"there is no folder {file.parent}", where="--out", fix="make it, or choose another place")
         special = check_writable(file)
     except OSError as error:
         raise InputError(f"{file} cannot be written ({error.strerror})", where="--out", fix="name a file") from error

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from rsibr.cli.options import Config, Imports, Json, imported
+from rsibr.cli.options import Config, Imports, Json, Overrides, imported
 
 if TYPE_CHECKING:
     from rsibr.planning.plan import Effect, LobePlan, Plan
@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 
 def plan(
     config: Config,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the config; repeatable.")
-    ] = None,
+    overrides: Overrides = None,
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
@@ -44,15 +42,10 @@ def _print(made: Plan) -> None:
 
 def print_effects(effects: Iterable[Effect]) -> None:
     """Print a table of effects: those of a bake, or of an object (`ObjectPlan.effects`)."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
+    from rsibr.cli.table import new_table, print_table
 
-    from rsibr.cli.table import print_table
-
-    table = Table(box=SIMPLE_HEAD)
-    for heading in ("effect", "", "evidence", "threshold", "s", "MiB", "relMSE\nwithout"):
-        table.add_column(heading, no_wrap=True)
-    table.add_column("why", overflow="fold")
+    table = new_table("effect", "", "evidence", "threshold", "s", "MiB", "relMSE without")
+    table.add_column("why", overflow="fold", min_width=40)
     for effect in effects:
         table.add_row(*_row(effect), style=None if effect.on else "yellow" if effect.missed else "dim")
     print_table(table)
@@ -66,7 +59,7 @@ def _row(effect: Effect) -> Iterator[str]:
         (effect.cost_seconds, effect.cost_bytes) if effect.on else (effect.saved_seconds, effect.saved_bytes)
     )
     yield effect.name
-    yield ("on" if effect.on else "off") + (" (forced)" if effect.forced else "")
+    yield ("on" if effect.on else "off") + (" (as set)" if effect.forced else "")
     yield number(effect.evidence)
     yield number(effect.threshold)
     yield "?" if seconds is None else f"{sign}{seconds:.2f}" if seconds else "0"

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from rsibr.budget.promise import Promise, promises_of
+from rsibr.cli.streams import alarm
 
 if TYPE_CHECKING:
     from rsibr.store.manifest import BudgetRecord, Manifest, SamplingRecord
@@ -39,7 +38,7 @@ def exit_code(promises: Iterable[Promise]) -> int:
     code = 0
     for promise in promises:
         if not promise.kept:
-            typer.secho(f"broken promise: {promise}", fg="red", err=True)
+            alarm(f"broken promise: {promise}")
             code = 1
     return code
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rsibr.cli.named_bakes import named_bakes
-from rsibr.cli.options import Imports, Json, Lookup, Yes, check_output_file, imported, parse_resolution
+from rsibr.cli.options import Imports, Json, Lookup, Method, Yes, check_output_file, imported, parse_resolution
 from rsibr.errors import InputError, printable
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def render(
         list[str], typer.Option(metavar="[ID=]BAKE", help="Bake of the shape ID, or of all other shapes; repeatable.")
     ],
     out: Annotated[Path, typer.Option(metavar="FILE", help="File ending in .exr or .png; of a sequence also .mp4.")],
-    method: Annotated[str | None, typer.Option(help="Method of all bakes, by default rsibr.")] = None,
+    method: Method = None,
     lookup: Lookup = "pixel",
     camera: Annotated[
         str | None,
@@ -52,6 +52,10 @@ def render(
     rays: Annotated[int, typer.Option(min=1, max=4096, help="Rays a pixel.")] = 16,
     occlusion: Annotated[Switch, typer.Option(help="Whether the object hides the sky from itself.")] = Switch.auto,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse shapes without a bake.")] = False,
+    environment_distance: Annotated[
+        float | None,
+        typer.Option(metavar="UNITS", help="Distance to what surrounds the object: a note says if that is too near."),
+    ] = None,
     exposure: Annotated[
         float | None, typer.Option(metavar="STOPS", help="Of a PNG or film; 0: radiance 1 is white. By default chosen.")
     ] = None,
@@ -72,7 +76,13 @@ def render(
     from rsibr.cli.job import note_job
 
     given: dict[str, Any] = {"method": method, "rays": rays, "lookup": lookup, "occlusion": occlusion.value}
-    given |= {"strict": strict, "exposure": exposure, "allow_large": allow_large, "on_forecast": note_job}
+    given |= {
+        "environment_distance": environment_distance,
+        "strict": strict,
+        "exposure": exposure,
+        "allow_large": allow_large,
+        "on_forecast": note_job,
+    }
     with step_progress("render") as show:
         if frames is None:
             picture = asked.picture(on_progress=show, **given)
@@ -157,7 +167,7 @@ def _check_out(out: Path, *, is_sequence: bool) -> None:
 
 
 def _say_picture(picture: Picture, out: Path, *, json_output: bool) -> None:
-    _note(picture.notes)
+    _print_notes(picture.notes)
     height, width = picture.alpha.shape
     if json_output:
         found = {"file": str(out), "resolution": [width, height], "covered": float(picture.alpha.mean())}
@@ -171,19 +181,26 @@ def _say_picture(picture: Picture, out: Path, *, json_output: bool) -> None:
 
 
 def _say_sequence(made: RenderedSequence, *, json_output: bool) -> None:
-    _note(made.notes)
+    from rsibr.cli.verbosity import is_verbose
+
+    complete = made.kept == made.frames
+    if not complete or is_verbose():
+        _print_notes(made.notes)
     if json_output:
         found = {"files": [str(file) for file in made.files], "frames": made.frames, "kept": made.kept}
-        further = {"seconds": made.seconds, "exposure": made.exposure, "notes": list(made.notes)}
-        typer.echo(json.dumps(found | further))
+        further = {"already_complete": complete, "seconds": made.seconds, "exposure": made.exposure}
+        typer.echo(json.dumps(found | further | {"notes": list(made.notes)}))
+        return
+    files = " to ".join(printable(file) for file in dict.fromkeys((made.files[0], made.files[-1])))
+    if complete:
+        typer.echo(f"{files}: already complete, {made.frames} frames")
         return
     kept = f", {made.kept} of them kept from an earlier run" if made.kept else ""
-    files = " to ".join(printable(file) for file in dict.fromkeys((made.files[0], made.files[-1])))
     typer.echo(f"{files}: {made.frames} frames{kept}, in {made.seconds:.1f} s")
 
 
-def _note(notes: tuple[str, ...]) -> None:
-    from rsibr.cli.console import console
+def _print_notes(notes: tuple[str, ...]) -> None:
+    from rsibr.cli.console import note
 
-    for note in notes:
-        console.print(printable(f"note: {note}"), soft_wrap=True)
+    for text in notes:
+        note(text)

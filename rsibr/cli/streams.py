@@ -8,6 +8,10 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import typer
+
+from rsibr.errors import printable
+
 
 def open_standard_streams() -> None:
     """Open what the caller closed (`>&-`) on nothing: otherwise the next file would take the number of stdout.
@@ -59,6 +63,17 @@ def _stream(descriptor: int, encoding: str) -> _Stream:
     # File names may have undecodable bytes, and the terminal's encoding may lack `²`
     raw = io.FileIO(descriptor, "w", closefd=False)
     return _Stream(io.BufferedWriter(raw), encoding, "backslashreplace", line_buffering=True)
+
+
+def plain(text: object) -> str:
+    """One line as a terminal and a log take it: ordinary spaces, unprintable characters escaped."""
+    return printable(str(text).replace("\u00a0", " "))
+
+
+def alarm(text: str) -> None:
+    """Print a line on stderr; in red on a terminal, unless `NO_COLOR` is set (https://no-color.org)."""
+    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+    typer.secho(text, fg="red", err=True, color=False if plain else None)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rsibr.cli.options import Imports, Json, Yes, check_output_folder, imported
+from rsibr.cli.streams import plain
 from rsibr.errors import printable
 
 if TYPE_CHECKING:
@@ -42,48 +43,56 @@ def study(
 @contextmanager
 def _progress() -> Iterator[Callable[[Progress], None]]:
     """Print the expected time of the study, then show the current step and the remaining time."""
-    from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bars
-
-    from rsibr.cli.console import console
+    from rsibr.cli.console import say, time_progress
     from rsibr.validation.report.page import duration
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("left"))
-    with Bars(*columns, TimeRemainingColumn(), console=console, transient=True) as bars:
-        task: TaskID | None = None
+    with time_progress("study") as bar:
+        begun = False
 
         def show(state: Progress) -> None:
-            nonlocal task
-            if task is None:
-                console.print(f"expected to take {duration(state.total)}" if state.total > 0 else "already complete")
-                task = bars.add_task("study", total=state.total)
-            bars.update(task, completed=state.done, description=state.step)
+            nonlocal begun
+            if not begun:
+                say(f"expected to take {duration(state.total)}" if state.total > 0 else "already complete")
+                begun = True
+            bar(state)
 
         yield show
 
 
 def _print(found: Study) -> None:
     """Print each scene's Pareto front of error and time, gains by class of material, and the gain of twice the time."""
+    lines = "\n".join(_scene_lines(found))
+    if lines:
+        typer.echo(lines)
     from rsibr.cli.study_classes import print_classes
-    from rsibr.studies.page import answer, estimate
-    from rsibr.validation.report.page import duration, number, size
+    from rsibr.studies.page import answer
+    from rsibr.validation.report.page import duration
 
-    frames = found.document.judge.frames
-    for scene, analysis in found.scenes:
-        typer.echo(f"\n{scene.name}: Pareto front of relMSE and time, for bake, preparation and {frames} images")
-        by_label = {point.label: point for point in scene.points}
-        rivals = {row.label: row for row in analysis.rivals}
-        for label in analysis.job_front:
-            point, row = by_label[label], rivals[label]
-            typer.echo(
-                f"  {duration(row.job_seconds):>12}  relMSE {estimate(point.error.rel_mse):<22}"
-                f"{size(point.bytes):>9}  {label} (path tracing: {number(row.path_tracing_rel_mse)})"
-            )
     document = found.document
     print_classes(document.classes)
     if document.doubling:
         typer.echo("\ngain of doubling the time, mean over the scenes")
-    for sentence in answer(document.doubling, frames):
-        typer.echo(f"  {sentence}")
-    typer.echo(f"forecast {duration(document.expected_seconds)}, took {duration(document.seconds)}")
+    for sentence in answer(document.doubling, document.judge.frames):
+        typer.echo(f"  {plain(sentence)}")
+    typer.echo(plain(f"forecast {duration(document.expected_seconds)}, took {duration(document.seconds)}"))
     typer.echo(f"report: {printable(found.out / 'study.html')}")
+
+
+def _scene_lines(found: Study) -> Iterator[str]:
+    """Yield the Pareto front of each scene; an empty line between two scenes."""
+    from rsibr.studies.page import estimate
+    from rsibr.validation.report.page import duration, number, size
+
+    frames = found.document.judge.frames
+    for index, (scene, analysis) in enumerate(found.scenes):
+        if index:
+            yield ""
+        yield plain(f"{scene.name}: Pareto front of relMSE and time, for bake, preparation and {frames} images")
+        by_label = {point.label: point for point in scene.points}
+        rivals = {row.label: row for row in analysis.rivals}
+        for label in analysis.job_front:
+            point, row = by_label[label], rivals[label]
+            yield plain(
+                f"  {duration(row.job_seconds):>12}  relMSE {estimate(point.error.rel_mse):<22}"
+                f"{size(point.bytes):>9}  {label} (path tracing: {number(row.path_tracing_rel_mse)})"
+            )

@@ -15,16 +15,10 @@ if TYPE_CHECKING:
 
 COLUMNS = ("class", "pairs", "whole disk", "r < 2/3", "r > 2/3", "energy", "worst pair", "errs most in · worst texel")
 
-WIDTH = 175
-"""Minimum width of the table, in characters: no name of the zoo is cut off."""
-
 
 def print_classes(classes: Sequence[ClassRecord]) -> None:
     """Print a table for each method, its worst class first, each with its worst pair."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    from rsibr.cli.table import print_table
+    from rsibr.cli.table import new_table, print_table
     from rsibr.methods.registry import baseline_method
     from rsibr.studies.page import gains, place
     from rsibr.validation.report.page import number
@@ -33,13 +27,11 @@ def print_classes(classes: Sequence[ClassRecord]) -> None:
         typer.echo(
             f"\n{method}: relMSE of {baseline_method()} over its own, geometric mean · least, the worst class on top"
         )
-        table = Table(box=SIMPLE_HEAD)
-        for heading in COLUMNS:
-            table.add_column(heading, no_wrap=True, justify="left")
+        table = new_table(*COLUMNS)
         for row in rows:
             parts = (gains(row.gain), gains(row.gain_inner), gains(row.gain_outer))
             name = "all" if row.material_class is None else printable(row.material_class)
             table.add_row(
                 name, str(row.pairs), *parts, number(row.energy_ratio, 4), printable(row.worst.name), place(row.worst)
             )
-        print_table(table, WIDTH)
+        print_table(table)

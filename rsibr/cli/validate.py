@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rsibr.cli.named_bakes import named_bakes, only_bake
-from rsibr.cli.options import Imports, Json, Lookup, Yes, check_output_folder, imported, parse_resolution, parse_view
+from rsibr.cli.options import (
+    Imports,
+    Json,
+    Lookup,
+    MethodsOf,
+    Yes,
+    check_output_folder,
+    imported,
+    parse_resolution,
+    parse_view,
+)
 from rsibr.errors import InputError, printable
 
 if TYPE_CHECKING:
@@ -27,7 +37,7 @@ def validate(
     bake: Annotated[
         list[str],
         typer.Argument(
-            metavar="BAKE…", help="Directory of a bake; with --object also ID=BAKE for a shape.", show_default=False
+            metavar="BAKE", help="Directory of a bake; with --object also ID=BAKE for a shape.", show_default=False
         ),
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Directory for report.html, metrics.json and images.")],
@@ -35,7 +45,7 @@ def validate(
     view: Annotated[
         list[str] | None, typer.Option(metavar="X,Y,Z", help="View to compare, instead of --views; repeatable.")
     ] = None,
-    method: Annotated[list[str] | None, typer.Option(help="Method to compare; repeatable; by default all.")] = None,
+    method: MethodsOf = None,
     samples: Annotated[int, typer.Option(min=8, max=2**24, help="Samples a texel of each reference.")] = 1024,
     lobes: Annotated[
         bool | None,
@@ -160,24 +170,10 @@ def print_validation(found: Validation, out: Path, *, json_output: bool) -> None
     if json_output:
         typer.echo((out / "metrics.json").read_text(encoding="utf-8"), nl=False)
         return
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
+    from rsibr.cli.table import new_table, print_table
 
-    from rsibr.cli.table import print_table
-
-    table = Table(box=SIMPLE_HEAD)
-    for heading in (
-        "method",
-        "relMSE",
-        "SMAPE",
-        "FLIP",
-        "ms a map",
-        "ns a point",
-        "s to bake",
-        "s to prepare",
-        "pays after (views)",
-    ):
-        table.add_column(heading, no_wrap=True)
+    errors, times = ("relMSE", "SMAPE", "FLIP"), ("ms a map", "ns a point", "s to bake", "s to prepare")
+    table = new_table("method", *errors, *times, "pays after (views)")
     for name, summary in found.summary.items():
         pays = "never" if summary.break_even_views is None else str(summary.break_even_views)
         row = (str(summary.rel_mse), f"{summary.smape:.4f}", f"{summary.flip:.4f}", f"{summary.seconds * 1e3:.1f}")
@@ -193,15 +189,11 @@ def print_object(found: ObjectValidation, out: Path, *, json_output: bool) -> No
     if json_output:
         typer.echo((out / "object.json").read_text(encoding="utf-8"), nl=False)
         return
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
+    from rsibr.cli.table import new_table, print_table
 
-    from rsibr.cli.table import print_table
-
-    table = Table(box=SIMPLE_HEAD)
-    table.add_column("method or cause")
-    for heading in ("relMSE,\nopen", "relMSE,\npath-traced"):
-        table.add_column(heading)  # "below the noise floor" may take two lines
+    table = new_table()
+    for heading in ("method or cause", "relMSE,\nopen", "relMSE,\npath-traced"):
+        table.add_column(heading)  # "below the noise floor" may take two lines on a terminal
     for heading in ("SMAPE", "FLIP", "energy", "ns\na hit", "× path tracing\nof that error"):
         table.add_column(heading, no_wrap=True)
     for name, made in found.methods.items():

@@ -125,12 +125,28 @@ class Light:
         maps = tuple(Irradiance(weights, irradiance_map(self.picture, weights)) for weights in matte)
         return replace(self, levels=levels, irradiances=maps)
 
+    def in_one_channel(self) -> Light:
+        """Return the same environment with its red channel for all three, as in a bake of `effects.colour` off."""
+        return replace(
+            self,
+            picture=_red(self.picture),
+            image=None if self.image is None else _red(self.image),
+            levels=tuple(map(_red, self.levels)),
+            irradiances=tuple(Irradiance(_red(one.weights), _red(one.image)) for one in self.irradiances),
+            delta=DeltaLights(self.delta.directions, _red(self.delta.irradiance)),
+            proxy_ratios={name: _red(ratio) for name, ratio in self.proxy_ratios.items()},
+        )
+
     def irradiance(self, weights: NDArray[np.float64]) -> NDArray[np.float32]:
         """Irradiance map for a matte lobe with these `weights`, shape (2, 3): stored, or computed."""
         for known in self.irradiances:
             if np.allclose(known.weights, weights, rtol=_SAME, atol=_SAME):
                 return known.image
         return irradiance_map(self.picture, weights)
+
+
+def _red(image: NDArray[Any]) -> NDArray[Any]:
+    return np.repeat(image[..., :1], 3, axis=-1)
 
 
 def light_of(environment: Environment, with_image: bool) -> Light:

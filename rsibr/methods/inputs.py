@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from rsibr.geometry.viewpoints import Viewpoints, first_views, from_directions, 
 from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.lobes.gaussians import LobeShape
+from rsibr.methods.one_channel import in_one_channel
 from rsibr.methods.warp_blend.source_maps import SourceMaps
 from rsibr.store.layers import layer_of
 from rsibr.store.lobe_shape import shape_of
@@ -84,9 +86,16 @@ class MethodInputs:
         self.learnt: dict[Any, Any] = {}
 
     @property
+    def is_grey(self) -> bool:
+        """Whether the maps hold one channel (`effects.colour` off): light and lobes then have their red one for all."""
+        plan = self.bake.manifest.plan
+        return plan is not None and plan.grey
+
+    @cached_property
     def lobes(self) -> tuple[LobeRecord, ...]:
-        """Records of the lobes that are stored separately."""
-        return self.bake.manifest.lobes
+        """Records of the lobes that are stored separately; in one channel where the maps are."""
+        lobes = self.bake.manifest.lobes
+        return tuple(map(in_one_channel, lobes)) if self.is_grey else lobes
 
     @shared
     def maps(self) -> list[MapFile]:
@@ -106,8 +115,8 @@ class MethodInputs:
 
     @shared
     def light(self) -> Light:
-        """Environment of the bake."""
-        return self.bake.light
+        """Environment of the bake; in one channel where the maps are."""
+        return self.bake.light.in_one_channel() if self.is_grey else self.bake.light
 
     @shared
     def pyramid(self) -> EnvironmentPyramid:

@@ -130,7 +130,7 @@ def require_served(method: Registration, bake: StoredMaps) -> None:
             where=where,
             fix=f"use one of: {', '.join(available(bake))}",
         )
-    if (method.needs.maps or method.needs.views) and not bake.view_count:
+    if method.needs.stored_maps and not bake.view_count:
         use = f"`rsibr bake` it first, or use one of: {', '.join(available(bake))}"
         raise BakeError(f"it is not baked, and '{method.name}' reads stored maps", where=where, fix=use)
     if method.needs.lobes and not bake.manifest.lobes:

@@ -80,6 +80,11 @@ class Needs:
     lobes: bool = False
     maps: bool = False
 
+    @property
+    def stored_maps(self) -> bool:
+        """Whether the method reads any stored map."""
+        return self.views or self.maps
+
 
 @runtime_checkable
 class Method(Protocol):

@@ -15,11 +15,12 @@ from rsibr.errors import InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.job_size import JobSize
+from rsibr.machine import make_folder
 from rsibr.methods.job import OUTPUT_BYTES, maps_memory
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
-from rsibr.methods.registry import default_method
-from rsibr.methods.unbaked import unbaked
+from rsibr.methods.registry import default_method, registration
+from rsibr.methods.unbaked import unbaked, unfinished_config
 from rsibr.store.bake import open_bake
 from rsibr.store.image_kind import image_kind
 from rsibr.store.map_file import MapFile, write_map
@@ -63,7 +64,7 @@ class Reconstruction:
         return f"Reconstruction({self.method!r}, view ({x:.3g}, {y:.3g}, {z:.3g}), {len(self.image)}²)"
 
     def write(self, path: Path | str) -> None:
-        """Write the map, as its name says: a multi-part EXR in float32, or an 8-bit PNG.
+        """Write the map, as its name says: a multi-part EXR in float32, or an 8-bit PNG. A missing folder is made.
 
         Parameters
         ----------
@@ -76,8 +77,9 @@ class Reconstruction:
         InputError
             If the name has another ending.
         """
-        coverage = self.coverage.astype(np.float32)
-        if image_kind(path) == "png":
+        coverage, kind = self.coverage.astype(np.float32), image_kind(path)
+        make_folder(Path(path).parent)
+        if kind == "png":
             exposure = exposure_of(self.image[coverage >= 0.5].max(axis=-1))
             write_png(Path(path), tone_mapped(self.image, coverage, exposure))
         else:
@@ -98,8 +100,8 @@ def reconstruct(
     Parameters
     ----------
     bake : Bake or path
-        A finished bake; or the config of a scene (`.toml`), for methods that read no maps. To reconstruct many views,
-        make a `MethodSet` once and call `run`.
+        A finished bake; for methods that read no maps also the config of a scene (`.toml`) or an unfinished bake. To
+        reconstruct many views, make a `MethodSet` once and call `run`.
     view : array_like, shape (3,)
         Direction from the surface to the viewer, of any positive length.
     method : str, optional
@@ -129,18 +131,33 @@ def reconstruct(
     (256, 256, 3)
     """
     frame = view_frame(unit_view(view))
-    opened = _opened(bake) if isinstance(bake, Path | str) else bake
+    made, side = prepared(bake, method, resolution, allow_large=allow_large)
+    return run(made, frame, side)
+
+
+@backend.in_session
+def prepared(
+    bake: StoredMaps | Path | str, method: str | None, resolution: int | None, *, allow_large: bool = False
+) -> tuple[Method, int]:
+    """Make a method for any number of views; return it with the texels a side. Parameters as for `reconstruct`."""
+    opened = _opened(bake, method) if isinstance(bake, Path | str) else bake
     if resolution is not None and not 8 <= resolution <= 4096:
         raise InputError(f"{resolution} texels", where="resolution", fix="give 8 to 4096")
     side = resolution or opened.resolution
     memory = maps_memory(opened) + OUTPUT_BYTES * side**2
     JobSize(f"reconstruction at {side}²", memory=memory).admit(None, allow_large)
-    return run(MethodSet(opened)[method or default_method(opened)], frame, side)
+    return MethodSet(opened)[method or default_method(opened)], side
 
 
-def _opened(path: Path | str) -> StoredMaps:
-    """Open a bake, or load the scene of a config."""
-    return unbaked(path, name=str(path)) if Path(path).suffix == ".toml" else open_bake(Path(path))
+def _opened(path: Path | str, method: str | None) -> StoredMaps:
+    """Open a bake, or load the scene of a config, or of an unfinished bake for a method that reads no maps."""
+    if Path(path).suffix == ".toml":
+        return unbaked(path, name=str(path))
+    if method is not None and not registration(method).needs.stored_maps:
+        config = unfinished_config(Path(path))
+        if config is not None:
+            return unbaked(config, name=str(path))
+    return open_bake(Path(path))
 
 
 @backend.in_session
@@ -167,7 +184,7 @@ def run(method: Method, frame: NDArray[np.float64], resolution: int) -> Reconstr
     seconds = time.perf_counter() - start
     coverage = texel_coverage(resolution)
     image = np.where(coverage[..., None] > 0, radiance.numpy()[..., :3], np.float32(0))
-    prepared = method.cost.prepare_seconds - before
+    preparing = method.cost.prepare_seconds - before
     return Reconstruction(
-        frame[:, 2].copy(), frame, image, coverage, method.name, seconds - prepared, method.cost.prepare_seconds
+        frame[:, 2].copy(), frame, image, coverage, method.name, seconds - preparing, method.cost.prepare_seconds
     )

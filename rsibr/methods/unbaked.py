@@ -13,9 +13,10 @@ from rsibr import backend
 from rsibr.baking.baker import plan_manifest
 from rsibr.baking.scene import Scene
 from rsibr.geometry.viewpoints import witness
-from rsibr.scene.config import ConfigLike
+from rsibr.regular_file import is_file
+from rsibr.scene.config import Config, ConfigLike, parse_config
 from rsibr.store.described_maps import MapsInMemory
-from rsibr.store.manifest import LightRecord, SamplingRecord
+from rsibr.store.manifest import MANIFEST_NAME, LightRecord, SamplingRecord, read_manifest
 
 _NO_FILE = "0" * 64  # checksum of a file that was not written
 
@@ -55,3 +56,19 @@ def unbaked(config: ConfigLike, overrides: Sequence[str] = (), *, name: str = "c
     seconds = time.perf_counter() - start
     manifest = manifest.model_copy(update={"light": record, "wall_seconds": seconds})
     return MapsInMemory(Path(name), manifest, (), light)
+
+
+def unfinished_config(path: Path) -> Config | None:
+    """Config of a bake that was begun and not finished; None if there is none, or it is finished.
+
+    Raises
+    ------
+    BakeError
+        If its manifest cannot be read.
+    """
+    if not is_file(path / MANIFEST_NAME):
+        return None
+    manifest = read_manifest(path / MANIFEST_NAME)
+    if not manifest.pending:
+        return None
+    return parse_config(manifest.config, path, where=str(path / MANIFEST_NAME))

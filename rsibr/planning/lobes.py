@@ -123,7 +123,7 @@ def lobe_maps(
     if needed and error <= NEGLIGIBLE and no_closed_form:
         return LobePlan(lobe.name, True, VIEW_COUNTS[0], error, NEGLIGIBLE, IN_SPECTRA)
     if not needed:
-        why = _closed_form(lobe, light) if error <= NEGLIGIBLE else "forced off: the nearest closed form is used"
+        why = _closed_form(lobe, light) if error <= NEGLIGIBLE else "turned off: a formula stands for its maps"
         return LobePlan(lobe.name, False, 0, error, NEGLIGIBLE, why)
     if lobe.kind == "diffuse":
         why = f"its shape deviates from Lambert's by {number(lobe.shape_error)}, relative"

@@ -68,6 +68,11 @@ class Effect:
         """Whether it matters here and is left out: forced off, or not representable by maps."""
         return self.matters and not self.on
 
+    @property
+    def left_out(self) -> str:
+        """That it is left out although it matters, with the reason, in words."""
+        return self.why if self.forced else f"left out, though it matters here: {self.why}"
+
     def costing(self, seconds: float | None, size: int | None) -> Effect:
         """Return the same effect with its cost, or its saving if it is off [s, bytes]."""
         if self.on:
@@ -187,7 +192,7 @@ class Plan:
         """One sentence for each peculiarity of the environment, and for each effect that matters and is left out."""
         yield from self.environment_notes
         for effect in self.missed:
-            yield f"{effect.name} matters here and is left out ({number(effect.evidence)} {effect.unit}): {effect.why}"
+            yield f"{effect.name}: {effect.left_out} ({effect.unit}: {number(effect.evidence)})"
 
 
 def decided(
@@ -220,7 +225,7 @@ def decided(
     on = by_evidence if forced == "auto" else forced == "on"
     why = why_on if by_evidence else why_off
     if on != by_evidence:
-        why = f"forced {forced}, against the evidence: {why}"
+        why = f"turned {forced}, though it {'matters' if by_evidence else 'hardly matters'} here: {why}"
     insisted: Forced = None if forced == "auto" else "on" if on else "off"
     return Effect(name, on, insisted, evidence, threshold, unit, why, error_if_left_out=error_if_left_out)
 

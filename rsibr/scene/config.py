@@ -28,12 +28,8 @@ from rsibr.geometry.projections.faces import FACES
 from rsibr.regular_file import read_regular
 from rsibr.scene.auto import Auto, Between
 from rsibr.scene.config_errors import describe
-from rsibr.scene.overrides import apply_overrides, override_keys
+from rsibr.scene.overrides import apply_overrides, override_keys, path_start
 from rsibr.scene.plugins_config import PluginsConfig
-
-
-def _base(info: ValidationInfo) -> Path:
-    return Path((info.context or {}).get("base", "."))
 
 
 def _absolute_path(value: Any, info: ValidationInfo) -> Path:
@@ -42,7 +38,7 @@ def _absolute_path(value: Any, info: ValidationInfo) -> Path:
     if not isinstance(value, str) or not value:
         raise ValueError("should be the path of a file, as a string")
     try:
-        path = (_base(info) / Path(value).expanduser()).resolve()
+        path = (path_start(value, (info.context or {}).get("base", ".")) / Path(value).expanduser()).resolve()
         str(path).encode()  # the manifest of a bake is UTF-8 and names it
     except UnicodeEncodeError:
         raise ValueError("is no usable path: its name is not UTF-8") from None
@@ -75,7 +71,9 @@ def _plugin_value(name: str, value: Any, info: ValidationInfo) -> Any:
         raise ValueError(f"{name} = {value} should be finite")
     if not isinstance(value, bool | int | float | str):
         raise ValueError(f"{name} = {value} means nothing to Mitsuba")
-    return str(_absolute_path(value, info)) if name.rpartition(".")[2] == "filename" else value
+    if name.rpartition(".")[2] == "filename":
+        return str(_absolute_path(value, info))
+    return str(value) if isinstance(value, str) else value
 
 
 def _faces(value: Any, info: ValidationInfo) -> dict[str, Path]:
@@ -83,7 +81,7 @@ def _faces(value: Any, info: ValidationInfo) -> dict[str, Path]:
     if isinstance(value, str):
         if "{face}" not in value:
             raise ValueError("should have {face} in it, which becomes px, nx, py, ny, pz, nz")
-        value = {face: value.replace("{face}", face) for face in FACES}
+        value = {face: type(value)(value.replace("{face}", face)) for face in FACES}
     if not isinstance(value, Mapping):
         raise ValueError("should be a table of the paths px, nx, py, ny, pz, nz, or one path with {face} in it")
     unknown = [str(key) for key in value if key not in FACES]
@@ -104,7 +102,7 @@ def _face(face: str, value: Any, info: ValidationInfo) -> Path:
 NESTED_TOO_DEEPLY = "is nested too deeply"
 
 FilePath = Annotated[Path, BeforeValidator(_absolute_path)]
-"""Path, absolute once validated; relative paths start at the folder of the config."""
+"""Path, absolute once validated; relative paths start at the folder of the config, those of overrides where one is."""
 
 FacePaths = Annotated[dict[str, Path], BeforeValidator(_faces)]
 """Path of each face of a cube, as `FilePath`."""
@@ -457,7 +455,7 @@ def load_config(path: Path | str, overrides: Sequence[str] = ()) -> Config:
     Parameters
     ----------
     path : Path
-        The file. Relative paths in it, and in the overrides, start at its folder.
+        The file. Relative paths in it start at its folder, those in the overrides at the working folder.
     overrides : sequence of str
         `a.b=value`, applied to the file; see `rsibr.scene.overrides.apply_overrides`.
 
@@ -481,7 +479,7 @@ def parse_config(
     data : mapping
         The tables of the config.
     base : Path
-        Folder at which relative paths start.
+        Folder at which relative paths in `data` start.
     overrides : sequence of str
         `a.b=value`, applied to `data`.
     where : str

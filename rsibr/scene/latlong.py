@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.errors import InputError
+from rsibr.scene.panorama.face_borders import unfit_faces
 from rsibr.scene.panorama.faces import stacked_faces
 from rsibr.scene.panorama.layout import aspect_notes, without_seam
 from rsibr.scene.panorama.rec709 import rec709_picture
@@ -151,6 +152,7 @@ def read_faces(
             )
     sheets, clipped, lowest = _without_negatives(stacked_faces(images, paths))
     image = to_latlong(sheets, of, most_texels, str(paths["px"]))
+    notes += filter(None, [unfit_faces(sheets, of)])
     notes.append(f"its six faces were converted to {_size(image)} texels of latitude and longitude")
     return LatLong(image, clipped, lowest, 0.0, tuple(notes), sheets, of.name)
 

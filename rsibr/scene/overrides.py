@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from datetime import date, datetime, time
+from pathlib import Path
 from typing import Any
 
 from rsibr.errors import InputError
@@ -18,6 +19,15 @@ ALTERNATIVES: Mapping[str, tuple[str, ...]] = {
     "budget": ("error", "seconds"),
 }
 """Mutually exclusive keys of each section: an override of one removes the others from the config."""
+
+
+class OverrideText(str):
+    """Text of an override: where it is a path, it starts at the working folder and not at that of the config."""
+
+
+def path_start(path: str, base: Path | str) -> Path:
+    """Folder at which a relative path of a config starts: `base`, that of the config; of an override, where one is."""
+    return Path.cwd() if isinstance(path, OverrideText) else Path(base)
 
 
 def apply_overrides(data: Mapping[str, Any], overrides: Sequence[str]) -> dict[str, Any]:
@@ -33,8 +43,8 @@ def apply_overrides(data: Mapping[str, Any], overrides: Sequence[str]) -> dict[s
     Returns
     -------
     dict
-        The config with the overrides. An override of one of the `ALTERNATIVES` removes the others of the config; if two
-        of them are overridden, both remain, and validation of the config rejects them.
+        The config with the overrides, their texts as `OverrideText`. An override of one of the `ALTERNATIVES` removes
+        the others of the config; if two of them are overridden, both remain, and validation of the config rejects them.
 
     Raises
     ------
@@ -80,13 +90,22 @@ def _value(text: str, whole: str) -> Any:
         if text[:1] in ("{", "[", '"', "'"):
             reason = str(error).partition(" (at")[0]
             raise InputError(f"'{whole}' is not valid TOML: {reason}", where="overrides") from None
-        return text
+        return OverrideText(text)
     if set(table) != {"value"}:
         raise InputError(
             f"'{whole}' holds more than one value", where="overrides", fix="give one KEY=VALUE for each key"
         )
     # A file name may look like a date, and no value in a config is a date
-    return text if isinstance(table["value"], date | time | datetime) else table["value"]
+    return _marked(text if isinstance(table["value"], date | time | datetime) else table["value"])
+
+
+def _marked(value: Any) -> Any:
+    """Mark all texts of a value, nested ones too."""
+    if isinstance(value, str):
+        return OverrideText(value)
+    if isinstance(value, list):
+        return [_marked(item) for item in value]
+    return {key: _marked(item) for key, item in value.items()} if isinstance(value, dict) else value
 
 
 def _drop_alternatives(data: dict[str, Any], keys: tuple[str, ...]) -> None:

@@ -7,14 +7,16 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
+from rsibr.scene.overrides import path_start
+
 
 def _module(value: Any, info: ValidationInfo) -> str:
-    """Check the name of a module, or make its path absolute; relative paths start at the folder of the config."""
+    """Check the name of a module, or make its path absolute; relative ones start as `path_start` says."""
     if isinstance(value, str) and all(part.isidentifier() for part in value.split(".")) and not value.endswith(".py"):
         return value
     if not isinstance(value, str) or not value.endswith(".py"):
         raise ValueError('should be the name of a module, as in "my_plugins", or its file, as in "my_plugins.py"')
-    base = Path((info.context or {}).get("base", "."))
+    base = path_start(value, (info.context or {}).get("base", "."))
     try:
         return str((base / Path(value).expanduser()).resolve())
     except (RuntimeError, OSError) as error:

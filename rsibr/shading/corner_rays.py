@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import drjit as dr
 import mitsuba as mi
 
@@ -16,21 +18,45 @@ _FARTHEST = 3.0  # of a corner's hit from the ray's, in units of the share's len
 _LEAST_SLANT = 0.02  # cosine of the tangent plane below which that length grows no more
 
 
-def footprint(geometry: mi.Scene, camera: CameraRays, place: mi.Point2f, side: mi.Float, at: Surfaces) -> Footprint:
-    """Trace the corners of the share of a pixel around each ray.
+def corner_rays(camera: CameraRays, place: mi.Point2f, side: mi.Float) -> list[mi.Ray3f]:
+    """Rays through the corners of the share of a pixel around each ray.
 
     Parameters
     ----------
-    geometry : mi.Scene
-        Shapes.
     camera : CameraRays
         Camera.
     place : mi.Point2f
         Places of the rays in the picture [pixels].
     side : mi.Float
         Side of a ray's share [pixels].
+    """
+    return [camera.ray(place + side * mi.Point2f(*corner)) for corner in CORNERS]
+
+
+def corners_of_differentials(ray: mi.RayDifferential3f) -> list[mi.Ray3f]:
+    """Rays through the corners of a ray's share of the pixel, from its differentials.
+
+    Mitsuba scales them to the share of a sample: one side of it to the right (x), and one down (y).
+    """
+    across, down = ray.d_x - ray.d, ray.d_y - ray.d
+    shifted, sunk = ray.o_x - ray.o, ray.o_y - ray.o
+    return [
+        mi.Ray3f(ray.o + x * shifted + y * sunk, dr.normalize(ray.d + x * across + y * down), ray.time, ray.wavelengths)
+        for x, y in CORNERS
+    ]
+
+
+def footprint(geometry: mi.Scene, rays: Sequence[mi.Ray3f], at: Surfaces) -> Footprint:
+    """Trace the corners of the share of a pixel around each ray.
+
+    Parameters
+    ----------
+    geometry : mi.Scene
+        Shapes.
+    rays : sequence of mi.Ray3f
+        Rays through the corners, in the order of `CORNERS`.
     at : Surfaces
-        What the rays meet.
+        What the rays in the middle meet.
 
     Notes
     -----
@@ -38,7 +64,6 @@ def footprint(geometry: mi.Scene, camera: CameraRays, place: mi.Point2f, side: m
     beyond a silhouette. There the normal of the opposite corner is continued through that of the ray, and if both miss,
     the normal of the ray stands for all: the footprint shrinks to what is known.
     """
-    rays = [camera.ray(place + side * mi.Point2f(*corner)) for corner in CORNERS]
     met = [first_surfaces(geometry, ray, at.hit) for ray in rays]
     known = [_is_same(at, one) for one in met]
     normals = []

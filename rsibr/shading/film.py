@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from rsibr.shading.cameras.camera import Camera, CameraRays
-from rsibr.shading.corner_rays import footprint
+from rsibr.shading.corner_rays import corner_rays, footprint
 from rsibr.shading.lookups.registry import Shade
 from rsibr.shading.pictures.picture import NormalCounts, Picture
 from rsibr.shading.pixel_lattice import place_in_pixel, place_steps
@@ -116,7 +116,7 @@ def _sums(
         place = corner + place_in_pixel(k, steps)
         surfaces = first_surfaces(geometry, camera.ray(place))
         if side is not None:
-            surfaces.footprint = footprint(geometry, camera, place, side, surfaces)
+            surfaces.footprint = footprint(geometry, corner_rays(camera, place, side), surfaces)
         kind = types.of(surfaces)
         radiance = mi.Color3f(0)
         for index, shade in enumerate(shades):

@@ -22,16 +22,20 @@ import mitsuba as mi
 from rsibr import backend
 from rsibr.backend import Rendering
 from rsibr.errors import InputError
+from rsibr.methods.method_name import parse_name
 from rsibr.methods.method_set import require_served
 from rsibr.methods.registry import default_method, registration
 from rsibr.scene import blend
 from rsibr.scene.paint import car_paint
 from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.corner_rays import corners_of_differentials, footprint
 from rsibr.shading.effects.registry import check_switches
+from rsibr.shading.footprint import Footprint
 from rsibr.shading.lookups.registry import Shade, lookup_named
 from rsibr.shading.renderer import ObjectRenderer
 from rsibr.shading.rgb_spectrum import RgbSpectrum
 from rsibr.shading.scenes.object_scene import ObjectScene
+from rsibr.shading.scenes.shapes_digest import shapes_digest
 from rsibr.shading.surface_types import UNBAKED
 from rsibr.shading.surfaces import Surfaces, surfaces_at
 from rsibr.store.bake import Bake, open_bake
@@ -54,6 +58,8 @@ class Prepared:
     ----------
     shapes : tuple of int
         Addresses of the scene's shapes, which the renderer keeps alive.
+    geometry : str
+        Digest of what the shapes looked like.
     renderer : ObjectRenderer
         Methods, lookups and surface types.
     spectrum : RgbSpectrum or None
@@ -61,8 +67,17 @@ class Prepared:
     """
 
     shapes: tuple[int, ...]
+    geometry: str
     renderer: ObjectRenderer
     spectrum: RgbSpectrum | None
+
+
+@dataclass(frozen=True, eq=False)
+class Shades:
+    """Shading of each surface type, and whether it reads `Surfaces.footprint`."""
+
+    by_type: list[Shade]
+    has_footprints: bool
 
 
 class BakedRadiance:
@@ -79,7 +94,9 @@ class BakedRadiance:
     method : string
         Method of all bakes; by default that of `rsibr.reconstruct`.
     lookup : string
-        How a pixel takes its radiance from the method, see `rsibr.shading.lookups.registry`; by default `pixel`.
+        How a pixel takes its radiance from the method, see `rsibr.shading.lookups.registry`, with values of options if
+        any, `NAME,OPTION=VALUE`; by default `pixel`. Filters of maps take a pixel's footprint from Mitsuba's ray
+        differentials.
     occlusion : string
         Whether shapes hide the environment from each other: `auto` (default), `on`, `off`.
     hide_emitters : boolean
@@ -102,13 +119,14 @@ class BakedRadiance:
         self._nested = _nested(props, hides=self.hide_emitters)
         self._method: str | None = props.get("method", None)
         self._lookup: str = props.get("lookup", _PIXEL)
-        if self._lookup != "auto":
-            lookup_named(self._lookup)
+        name, options = parse_name(self._lookup, "lookup")
+        if name != "auto":
+            lookup_named(name).checked(options)
         self._occlusion: str = props.get("occlusion", "auto")
         check_switches({"self_occlusion": self._occlusion})
         self._bakes = {name: _opened(path, self._method) for name, path in _named_bakes(props).items()}
         self._prepared: Prepared | None = None
-        self._shades: list[Shade] | None = None
+        self._shades: Shades | None = None
 
     def render(
         self,
@@ -144,8 +162,10 @@ class BakedRadiance:
         shades = self._shades if self._shades is not None else self._shades_toward(scene, None)
         with dr.suspend_grad():
             surfaces = self._surfaces(scene, ray, mi.Bool(active))
+            if shades.has_footprints:
+                surfaces.footprint = _footprint(scene, ray, surfaces)
             kind = prepared.renderer.types.of(surfaces)
-            radiance = _shaded(surfaces, kind, shades)
+            radiance = _shaded(surfaces, kind, shades.by_type)
         has_bake = kind != UNBAKED
         spectrum, valid, _ = self._nested.sample(scene, sampler, ray, medium, active & ~has_bake)
         baked = self._as_spectrum(prepared, radiance, ray)
@@ -176,27 +196,40 @@ class BakedRadiance:
         spectrum = prepared.spectrum.at(radiance, ray.wavelengths)
         return mi.mueller.depolarizer(spectrum) if self._rendering == "spectral_polarized" else spectrum
 
-    def _shades_toward(self, scene: mi.Scene, sensor: mi.Sensor | None) -> list[Shade]:
+    def _shades_toward(self, scene: mi.Scene, sensor: mi.Sensor | None) -> Shades:
         renderer = self._made(scene).renderer
         if self._lookup == _PIXEL:  # the same for every camera
-            return renderer.shades(_ANYWHERE, renderer.plan)
+            return Shades(renderer.shades(_ANYWHERE, renderer.plan), has_footprints=False)
         if sensor is None:
             fix = f"make it the scene's integrator itself, or use lookup = '{_PIXEL}'"
             raise InputError(f"lookup '{self._lookup}' needs to know the sensor", where=_WHERE, fix=fix)
         camera = Camera.of_sensor(sensor)
-        return renderer.shades(camera, renderer.plan_of(camera))
+        plan = renderer.plan_of(camera)
+        return Shades(renderer.shades(camera, plan), has_footprints=renderer.needs_footprints(plan))
 
     def _made(self, scene: mi.Scene) -> Prepared:
-        """What the scene needs, made anew if it is another one than before."""
+        """What the scene needs, made anew if it is another one than before, or its shapes were edited in place."""
         shapes = scene.shapes()
         addresses = tuple(shape.ptr for shape in shapes)
-        if self._prepared is None or self._prepared.shapes != addresses:
+        known = self._prepared
+        if known is not None and known.shapes == addresses and self._shades is not None:
+            return known  # in a picture, whose first call compared the geometry
+        geometry = shapes_digest(shapes)
+        if known is None or known.shapes != addresses or known.geometry != geometry:
             with backend.rendering(self._rendering):
                 objects = ObjectScene("the scene", _by_id(shapes, self._bakes))
                 renderer = ObjectRenderer(objects, self._bakes, self._method, self._lookup, occlusion=self._occlusion)
                 spectrum = None if self._rendering == "rgb" else RgbSpectrum()
-            self._prepared = Prepared(addresses, renderer, spectrum)
-        return self._prepared
+            self._prepared = known = Prepared(addresses, geometry, renderer, spectrum)
+        return known
+
+
+def _footprint(scene: mi.Scene, ray: mi.RayDifferential3f, at: Surfaces) -> Footprint:
+    if not ray.has_differentials:
+        what = "the lookup filters over a pixel, and the rays that it is given have no differentials"
+        fix = f"make it the scene's integrator itself, or use lookup = '{_PIXEL}'"
+        raise InputError(what, where=_WHERE, fix=fix)
+    return footprint(scene, corners_of_differentials(ray), at)
 
 
 def _shaded(surfaces: Surfaces, kind: mi.UInt32, shades: list[Shade]) -> mi.Color3f:

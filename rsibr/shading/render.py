@@ -59,6 +59,8 @@ class RenderJob:
         Whether the object hides the sky from itself.
     notes : tuple of str
         What a user should know about the bakes and shapes, in a sentence each.
+    environment_distance : float or None
+        Distance [scene units] from the object to what surrounds it; None: unknown, or far.
     """
 
     scene: ObjectScene
@@ -68,6 +70,7 @@ class RenderJob:
     lookup: str
     occlusion: Occlusion
     notes: tuple[str, ...]
+    environment_distance: float | None = None
 
     @classmethod
     def opened(
@@ -80,19 +83,30 @@ class RenderJob:
         lookup: str = "pixel",
         occlusion: Occlusion = "auto",
         strict: bool = False,
+        environment_distance: float | None = None,
     ) -> RenderJob:
         """Open scene and bakes, and refuse what cannot be shown; parameters as for `render`."""
+        if environment_distance is not None and not environment_distance > 0:
+            what = f"a distance of {environment_distance:g}"
+            raise InputError(what, where="environment_distance", fix="give a positive number of scene units")
         with backend.session():
             held = {name: opened(bake) for name, bake in _by_shape(bakes).items()}
             shapes = scene if isinstance(scene, ObjectScene) else open_scene(scene)
             notes = _notes(shapes, held, strict)
-        return cls(shapes, held, method, rays, lookup, occlusion, notes)
+        return cls(shapes, held, method, rays, lookup, occlusion, notes, environment_distance)
 
     @cached_property
     def renderer(self) -> ObjectRenderer:
         """Renderer of the shapes with a bake, prepared at its first use."""
         with backend.session():
-            return ObjectRenderer(self.scene, self.bakes, self.method, self.lookup, occlusion=self.occlusion)
+            return ObjectRenderer(
+                self.scene,
+                self.bakes,
+                self.method,
+                self.lookup,
+                occlusion=self.occlusion,
+                environment_distance=self.environment_distance,
+            )
 
     def size(self, camera: Camera) -> JobSize:
         """Forecast of a picture."""
@@ -145,6 +159,7 @@ def render(
     lookup: str = "pixel",
     occlusion: Occlusion = "auto",
     strict: bool = False,
+    environment_distance: float | None = None,
     out: Path | str | None = None,
     exposure: float | None = None,
     on_progress: OnProgress | None = None,
@@ -176,6 +191,9 @@ def render(
         Whether the object hides the sky from itself; "auto" decides by the scene.
     strict : bool
         Refuse shapes without a bake. By default they are path-traced under the bakes' environment.
+    environment_distance : float, optional
+        Distance [scene units] from the object to what surrounds it, such as the walls of the room of the environment
+        map. Bakes are lit from infinity; with a distance, a note says whether the object is too large for that.
     out : path, optional
         File to write, `.exr` or `.png`; see `rsibr.shading.pictures.picture_file.write_picture`.
     exposure : float, optional
@@ -209,7 +227,16 @@ def render(
     factor = exposure_factor(exposure)
     if out is not None:
         image_kind(out)
-    job = RenderJob.opened(scene, bakes, method=method, rays=rays, lookup=lookup, occlusion=occlusion, strict=strict)
+    job = RenderJob.opened(
+        scene,
+        bakes,
+        method=method,
+        rays=rays,
+        lookup=lookup,
+        occlusion=occlusion,
+        strict=strict,
+        environment_distance=environment_distance,
+    )
     view = chosen_camera(job.scene, camera, resolution)
     size, show = job.size(view), on_progress or (lambda _done, _total: None)
     if on_forecast is not None:

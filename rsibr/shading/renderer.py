@@ -137,7 +137,7 @@ class ObjectRenderer:
         evidence = self._evidence_of(camera, rays)
         plan = ObjectPlan.of(evidence)
         shades = self.shades(camera, plan)
-        has_footprints = any(lookup.needs_footprint for lookup in self._lookups_of(plan))
+        has_footprints = self.needs_footprints(plan)
         backend.synchronize()
         prepared = time.perf_counter() - start
         made = developed(self.scene, camera, self.types, shades, rays, has_footprints=has_footprints)
@@ -156,6 +156,10 @@ class ObjectRenderer:
         if bounces not in self._occlusions:
             self._occlusions[bounces] = Occlusion.of(self.scene, self.types, self.inputs, bounces=bounces)
         return [self._occlusions[bounces].shading(shade, index) for index, shade in enumerate(shades)]
+
+    def needs_footprints(self, plan: ObjectPlan) -> bool:
+        """Whether the lookups of a plan read `Surfaces.footprint`."""
+        return any(lookup.needs_footprint for lookup in self._lookups_of(plan))
 
     def lookups_named(self, name: str) -> list[Lookup]:
         """Lookup of each surface type, made at first use."""

@@ -39,13 +39,16 @@ def test_nan_ends_with_1_and_is_named_with_its_place(shell, baked, tmp_path):
 
 
 def test_json_is_one_object_whatever_is_found(shell, baked):
-    assert HealthModel.model_validate(shell("check", baked, "--json").json).trusted
+    sound = HealthModel.model_validate(shell("check", baked, "--json").json)
+    assert sound.trusted
+    assert {finding.verdict for finding in sound.findings.values()} == {"none"}
     spoil(baked, np.inf)
     ended = shell("check", baked, "--json")
     assert ended.code == 1
     told = HealthModel.model_validate(ended.json)
     assert not told.trusted
     assert told.findings["non_finite"].texels == 1
+    assert told.findings["non_finite"].verdict == "failed"
 
 
 def test_an_overflow_is_a_warning(shell, baked):

@@ -121,14 +121,17 @@ def test_a_wrong_override(shell, config, tmp_path, override, says):
 @pytest.mark.parametrize("text", ["[" * 100_000, "{", "[]", '{"directions": 3}', '{"directions": [[1, 2], [3]]}'])
 def test_views_that_are_none(shell, config, tmp_path, text):
     (tmp_path / "views.json").write_text(text)
-    shell.refuses("bake", config, "--out", tmp_path / "x", "--set", "views.file=views.json", says="views.json")
+    shell.refuses(
+        "bake", config, "--out", tmp_path / "x", "--set", f"views.file={tmp_path / 'views.json'}", says="views.json"
+    )
 
 
 def test_an_environment_with_a_nan_names_the_texel(shell, config, tmp_path):
     image = np.ones((8, 16, 3), np.float32)
     image[3, 5, 1] = np.nan
     write_exr(tmp_path / "sky.exr", image)
-    ended = shell.refuses("bake", config, "--out", tmp_path / "x", "--set", "environment.file=sky.exr", "--json")
+    sky = f"environment.file={tmp_path / 'sky.exr'}"
+    ended = shell.refuses("bake", config, "--out", tmp_path / "x", "--set", sky, "--json")
     assert ended.json["error"]["what"] == "texel (row 3, column 5) is NaN in channel G"
     assert ended.json["error"]["where"] == str(tmp_path / "sky.exr")
 
@@ -136,7 +139,9 @@ def test_an_environment_with_a_nan_names_the_texel(shell, config, tmp_path):
 def test_an_environment_that_is_truncated(shell, config, tmp_path):
     data = write_exr(tmp_path / "sky.exr", np.ones((64, 128, 3))).read_bytes()
     (tmp_path / "sky.exr").write_bytes(data[: len(data) // 2])
-    shell.refuses("bake", config, "--out", tmp_path / "x", "--set", "environment.file=sky.exr", says="sky.exr")
+    shell.refuses(
+        "bake", config, "--out", tmp_path / "x", "--set", f"environment.file={tmp_path / 'sky.exr'}", says="sky.exr"
+    )
 
 
 def test_an_out_that_holds_other_things(shell, config, tmp_path):
@@ -173,8 +178,9 @@ def test_an_unknown_method(shell, baked, tmp_path):
 def test_a_map_that_cannot_be_written(shell, baked, tmp_path):
     for out, says in ((tmp_path, "is a folder"), ("", "is a folder"), ("/", "is a folder"), ("/dev", "is a folder")):
         shell.refuses("reconstruct", baked, "--view", "1,2,3", "--out", out, says=says)
-    missing = tmp_path / "gone" / "x.exr"
-    shell.refuses("reconstruct", baked, "--view", "1,2,3", "--out", missing, says="there is no folder")
+    (tmp_path / "file").write_text("")
+    below = tmp_path / "file" / "x.exr"
+    shell.refuses("reconstruct", baked, "--view", "1,2,3", "--out", below, says="Not a directory")
 
 
 def test_a_report_that_cannot_be_written(shell, baked, config):
@@ -233,11 +239,12 @@ def test_a_wrong_device(shell, config, tmp_path, monkeypatch):
     shell.refuses("bake", config, "--out", tmp_path / "x", "--json", says="'vulkan' is no device")
 
 
-def test_a_name_with_markup_is_shown_as_it_is(shell, config, tmp_path):
+def test_a_name_with_markup_is_shown_as_it_is(shell, config, tmp_path, monkeypatch):
     write_exr(tmp_path / "sky[red].exr", np.linspace(-0.1, 1.0, 96).reshape(4, 8, 3))
+    monkeypatch.chdir(tmp_path)
     ended = shell("bake", config, "--out", tmp_path / "x", "--set", "environment.file=sky[red].exr")
     assert ended.code == 0, ended.stderr
-    assert "sky[red]: 9 negative values clipped" in " ".join(ended.stderr.split())
+    assert "note: sky[red]: 9 negative values clipped" in ended.stderr
 
 
 def test_out_of_memory_is_the_machines_lack(shell, config, tmp_path, monkeypatch):

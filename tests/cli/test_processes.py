@@ -93,7 +93,7 @@ def busy():
     print("begun", file=sys.stderr, flush=True)
     {wait}
 
-app.app = lambda standalone_mode: busy()
+app.app = lambda **_: busy()
 watchdog.GRACE = 0.2
 app.main()
 """

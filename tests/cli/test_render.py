@@ -23,13 +23,23 @@ def test_a_picture_with_layers(shell, baked, tmp_path):
     np.testing.assert_allclose(depth[np.isfinite(depth)].min(), np.sqrt(26) - 1, atol=0.3)
 
 
+def test_a_missing_folder_is_made_once_there_is_something_to_put_there(shell, baked, tmp_path):
+    out = tmp_path / "new" / "folder" / "a.exr"
+    shell.refuses("render", "spher", "--bake", baked, "--out", out, *SMALL)
+    assert not (tmp_path / "new").exists()
+    assert shell("render", "sphere", "--bake", baked, "--out", out, *SMALL).code == 0
+    assert out.is_file()
+
+
 def test_a_turntable_of_numbered_files(shell, baked, tmp_path):
     command = ["render", "sphere", "--bake", f"sphere={baked}", "--out", tmp_path / "t.png", "--frames", "2", *SMALL]
     ended = shell(*command)
     assert ended.code == 0, ended.stderr
     assert "2 frames" in ended.stdout
     assert imread(tmp_path / "t_0002.png").shape == (8, 12, 4)
-    assert shell(*command, "--json").json["kept"] == 2
+    again = shell(*command, "--json").json
+    assert (again["kept"], again["already_complete"]) == (2, True)
+    assert "t_0002.png: already complete, 2 frames" in shell(*command).stdout
 
 
 @pytest.mark.parametrize(
@@ -38,7 +48,6 @@ def test_a_turntable_of_numbered_files(shell, baked, tmp_path):
         (["--out", "a.jpg"], "'.jpg'"),
         (["--out", "a"], "no ending"),
         (["--out", "a.mp4"], "--frames"),
-        (["--out", "gone/a.exr"], "there is no folder"),
         (["--camera", "1,2"], "--camera"),
         (["--camera", "-1,2,nan"], "--camera"),
         (["--camera", "1,2,3", "--from", "1,2,3"], "--from"),
@@ -51,6 +60,8 @@ def test_a_turntable_of_numbered_files(shell, baked, tmp_path):
         (["--rays", "0"], "--rays"),
         (["--occlusion", "maybe"], "--occlusion"),
         (["--exposure", "99"], "--exposure"),
+        (["--environment-distance", "0"], "--environment-distance"),
+        (["--environment-distance=nan"], "--environment-distance"),
         (["--frames", "0"], "--frames"),
         (["--path", "p.json"], "--frames"),
         (["--fresh"], "--frames"),
@@ -65,6 +76,14 @@ def test_wrong_arguments(shell, tmp_path, monkeypatch, arguments, says):
     out = [] if "--out" in arguments else ["--out", "a.exr"]
     shell.refuses("render", "sphere", *bake, *out, *arguments, "--json", says=says)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_near_surroundings_are_noted(shell, baked, tmp_path):
+    render = ["render", "sphere", "--bake", baked, "--out", tmp_path / "a.png", *SMALL]
+    assert "near_field" not in shell(*render).stderr
+    assert "near_field" not in shell(*render, "--environment-distance", "1000").stderr
+    near = shell(*render, "--environment-distance", "5").stderr
+    assert "note: near_field: left out, though it matters here: the surroundings are near" in near
 
 
 def test_wrong_inputs(shell, baked, tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rsibr.errors import InputError
+from rsibr.scene.config import load_config
 from rsibr.scene.overrides import apply_overrides, override_keys
 
 
@@ -77,3 +78,26 @@ def test_a_mistake_is_one_line(override, part):
 
 def test_override_keys():
     assert override_keys(["a.b=1", "c = x"]) == {"a.b", "c"}
+
+
+def test_a_path_of_an_override_starts_where_the_user_stands(tmp_path, monkeypatch):
+    (tmp_path / "configs").mkdir()
+    (tmp_path / "here").mkdir()
+    path = tmp_path / "configs" / "c.toml"
+    path.write_text('[environment]\nfile = "sky.exr"\n[material]\nfile = "m.xml"\n[plugins]\nmodules = ["p.py"]\n')
+    monkeypatch.chdir(tmp_path / "here")
+    plain = load_config(path)
+    assert plain.environment.file == tmp_path / "configs" / "sky.exr"
+    given = load_config(path, ["environment.file=sky.exr", 'plugins.modules=["q.py"]', "views.file='v.json'"])
+    assert given.environment.file == tmp_path / "here" / "sky.exr"
+    assert given.material.file == tmp_path / "configs" / "m.xml"
+    assert given.plugin_modules == (str(tmp_path / "here" / "q.py"),)
+    assert given.views.file == tmp_path / "here" / "v.json"
+    faces = load_config(path, ["environment.faces=sky_{face}.exr"]).environment.faces
+    assert faces is not None
+    assert faces["px"] == tmp_path / "here" / "sky_px.exr"
+    texture = 'material.bsdf={type = "diffuse", reflectance = {type = "bitmap", filename = "t.png"}}'
+    bsdf = load_config(path, [texture]).material.bsdf
+    assert bsdf is not None
+    assert bsdf["reflectance"]["filename"] == str(tmp_path / "here" / "t.png")
+    assert type(bsdf["type"]) is str

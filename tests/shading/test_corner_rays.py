@@ -5,7 +5,7 @@ import pytest
 
 from rsibr import backend
 from rsibr.shading.cameras.camera import Camera
-from rsibr.shading.corner_rays import CORNERS, footprint
+from rsibr.shading.corner_rays import CORNERS, corner_rays, corners_of_differentials, footprint
 from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surfaces import LEAST_COSINE, first_surfaces
 from tests.shading.analytic import DISTANCE, ball_scene, centres, directions, framing, on_ball
@@ -15,9 +15,24 @@ def traced(scene, camera, side=1.0):
     rays = camera.on_device()
     place = rays.centre(dr.arange(mi.UInt32, camera.width * camera.height))
     at = first_surfaces(scene.geometry, rays.ray(place))
-    seen = footprint(scene.geometry, rays, place, dr.opaque(mi.Float, side), at)
+    seen = footprint(scene.geometry, corner_rays(rays, place, dr.opaque(mi.Float, side)), at)
     dr.eval(at, seen)  # while the scene lives
     return at, seen
+
+
+@pytest.mark.parametrize("rays_a_pixel", [1, 16])
+def test_corners_of_mitsubas_differentials_are_those_of_the_camera(rays_a_pixel):
+    look = mi.ScalarTransform4f().look_at([1, 2, 5], [0, 0, 0], [0, 1, 0])
+    film = {"type": "hdrfilm", "width": 24, "height": 16}
+    sensor = backend.load({"type": "perspective", "fov": 50, "to_world": look, "film": film})
+    camera = Camera.of_sensor(sensor).on_device()
+    place = camera.centre(dr.arange(mi.UInt32, 24 * 16)) + mi.Point2f(0.2, -0.3)
+    ray, _ = sensor.sample_ray_differential(0, 0.5, place / mi.Point2f(24, 16), mi.Point2f(0.5))
+    side = rays_a_pixel**-0.5
+    ray.scale_differential(side)
+    wanted = corner_rays(camera, place, dr.opaque(mi.Float, side))
+    for one, other in zip(corners_of_differentials(ray), wanted, strict=True):
+        assert np.abs(np.array(one.d) - np.array(other.d)).max() < 0.01 * side / 24
 
 
 @pytest.mark.parametrize("side", [1.0, 0.25])

@@ -11,6 +11,7 @@ import pytest
 
 from rsibr import backend
 from rsibr.baking.baker import bake
+from rsibr.errors import InputError
 from rsibr.methods.method_set import MethodSet
 from rsibr.scene.config import parse_config
 from rsibr.shading.cameras.camera import Camera
@@ -126,6 +127,63 @@ def test_hidden_emitters_are_seen_through_and_the_background_is_transparent(pain
     np.testing.assert_allclose(np.array(found), np.array(wanted), rtol=1e-4)
     assert rendered(hidden)[0, 0].tolist() == [0, 0, 0, 0]
     assert rendered(scene(integrator(paint)))[0, 0, 3] == 1
+
+
+def test_a_filtered_map_takes_its_footprint_from_the_differentials(paint):
+    """As the renderer's own corner rays do (`test_corner_rays.py`); the rays are at other places of the pixel."""
+    lookup = "map-reflection,filter=mip,resolution=64"
+    made = scene(integrator(paint, hide_emitters=True, lookup=lookup))
+    ours = rendered(made, 64)
+    wanted = ObjectRenderer(_ball(), {"*": open_bake(paint)}, METHOD, lookup, occlusion="off").picture(_camera(), 64)
+    inside = (ours[..., 3] == 1) & (wanted.alpha == 1) & (np.arange(SIZE) < 19)
+    assert inside.sum() > 60
+    np.testing.assert_allclose(ours[inside, :3].mean(0), wanted.radiance[inside].mean(0), rtol=0.03)
+    with pytest.raises(RuntimeError, match="differentials"):
+        _sampled_without_differentials(made, made.integrator())
+
+
+def _sampled_without_differentials(made, chosen):
+    try:
+        chosen._shades = chosen._shades_toward(made, made.sensors()[0])
+        chosen.sample(made, sampler(), mi.RayDifferential3f(rays()))
+    except InputError as error:
+        raise RuntimeError(str(error)) from error
+    finally:
+        chosen._shades = None
+
+
+@pytest.mark.parametrize(("lookup", "says"), [("map-reflection,filtr=mip", "filtr"), ("pixl", "pixel")])
+def test_options_of_a_lookup_are_checked_when_the_scene_is_loaded(paint, lookup, says):
+    with pytest.raises(Exception, match=says):
+        scene(integrator(paint, lookup=lookup))
+
+
+def test_a_mesh_that_is_moved_in_place_hides_the_sky_from_where_it_is(paint):
+    def two_cubes(x):
+        look = mi.ScalarTransform4f().look_at([1, 3, 6], [0, 0, 0], [0, 1, 0])
+        film = {"type": "hdrfilm", "width": 16, "height": 16, "rfilter": {"type": "box"}}
+        moved = {"type": "cube", "to_world": mi.ScalarTransform4f().translate([x, 0, 0])}
+        chosen = {"type": "rsibr", "bake": paint, "method": METHOD, "occlusion": "on"}
+        sensor = {"type": "perspective", "fov": 50, "to_world": look, "film": film}
+        still = {"type": "cube", "to_world": mi.ScalarTransform4f().translate([-1.1, 0, 0])}
+        light = {"type": "constant"}
+        return mi.load_dict(
+            {"type": "scene", "integrator": chosen, "still": still, "moved": moved, "light": light, "sensor": sensor},
+            optimize=False,
+        )
+
+    made, wanted = two_cubes(4.0), rendered(two_cubes(1.1))
+    before = rendered(made)
+    prepared = made.integrator()._prepared
+    assert rendered(made) is not None
+    assert made.integrator()._prepared is prepared  # nothing changed
+    values = mi.traverse(made)
+    values["moved.vertex_positions"] = values["moved.vertex_positions"] - dr.tile(mi.Float(2.9, 0, 0), 24)
+    values.update()
+    after = rendered(made)
+    assert made.integrator()._prepared is not prepared
+    np.testing.assert_allclose(after, wanted, rtol=1e-3, atol=1e-4)
+    assert np.abs(after - before).max() > 0.05
 
 
 def test_the_aov_integrator_adds_depth_and_normals(paint):

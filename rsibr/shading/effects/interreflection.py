@@ -19,11 +19,9 @@ def interreflection(evidence: Evidence) -> Effect:
     types, switch = evidence.of_scene.visibility, evidence.switch("interreflection")
     effect = decided(
         "interreflection", switch, mean_of(types, "bounced"), BOUNCED, "of the arriving light by way of the object",
-        "what hides the sky reflects its own light", "next to nothing arrives by way of the object",
+        "surfaces reflect light onto each other", "surfaces reflect next to nothing onto each other",
         error_if_left_out=min(1.0, mean_of(types, "error_without_bounces")),
     )  # fmt: skip
     if effect.on and not self_occlusion(evidence).on:
-        return replace(
-            effect, on=False, why="nothing is hidden (self_occlusion is off), so that nothing takes its place"
-        )
+        return replace(effect, on=False, why="it comes with self_occlusion, which is off")
     return effect

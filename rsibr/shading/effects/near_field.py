@@ -17,6 +17,8 @@ def near_field(evidence: Evidence) -> Effect:
     ratio = 0.0 if distance is None else evidence.scene.radius / max(distance, 1e-30)
     return flagged(
         "near_field", ratio, PARALLAX, "rad of parallax: the object's radius over the distance of the environment",
-        "bakes are lit from infinity: reflections do not shift with the place",
-        "the environment is taken to be at infinity" if distance is None else "the environment is far enough",
+        "the surroundings are near, and reflections are those of far ones: they do not shift over the object",
+        "not judged: how far the surroundings are is not known (environment_distance)"
+        if distance is None
+        else "the surroundings are far enough",
     )  # fmt: skip

@@ -57,7 +57,7 @@ class ObjectPlan:
     def lines(self) -> Iterator[str]:
         """One line an effect: state, evidence, threshold, reason, and the error of leaving it out."""
         for effect in self.effects:
-            state = ("on" if effect.on else "off") + (" (forced)" if effect.forced else "")
+            state = ("on" if effect.on else "off") + (" (as set)" if effect.forced else "")
             error = "?" if effect.error_if_left_out is None else number(effect.error_if_left_out)
             yield (
                 f"{effect.name}: {state}: {effect.why} [{number(effect.evidence)} {effect.unit}, threshold "
@@ -68,5 +68,5 @@ class ObjectPlan:
         """One sentence for each effect that matters and is left out, with its estimated error."""
         for effect in self.missed:
             error = effect.error_if_left_out
-            cost = "its error is not estimated" if error is None else f"an estimated relMSE of {number(error)}"
-            yield f"{effect.name} is left out, {cost} ({number(effect.evidence)} {effect.unit}): {effect.why}"
+            cost = "" if error is None else f"; estimated error (relMSE) {number(error)}"
+            yield f"{effect.name}: {effect.left_out} ({number(effect.evidence)} {effect.unit}{cost})"

@@ -13,7 +13,7 @@ from rsibr.shading.occlusion.self_visibility import TypeVisibility
 HIDDEN = 5e-3
 """Share of the sky up to which hiding it does not matter: its square is below the error of the methods."""
 
-_METAL = "metals are left open: a black mirror ray errs more than none, and one shaded from the bake did not help"
+_METAL = "metal shows the whole sky: darkening its reflections where the object is in the way made pictures worse"
 
 
 @register_effect("self_occlusion", rank=20)
@@ -24,7 +24,7 @@ def self_occlusion(evidence: Evidence) -> Effect:
     hidden = mean_of(types, "sky_hidden")
     effect = decided(
         "self_occlusion", evidence.switch("self_occlusion"), hidden, HIDDEN, "of the sky hidden by the object",
-        f"matte part by vertex, dielectric gloss by a mirror ray: {_by_lobe(dielectrics or types)}{_unbaked(evidence)}",
+        f"the object hides sky from itself: {_by_lobe(dielectrics or types)}{_unbaked(evidence)}",
         "the object hides next to nothing from itself", error_if_left_out=min(1.0, mean_of(types, "error_without")),
     )  # fmt: skip
     if dielectrics or not effect.on:

@@ -13,6 +13,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
+from rsibr.machine import make_folder
 from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.pictures.picture import Picture
 from rsibr.store.atomic import write_atomic
@@ -47,7 +48,7 @@ class Origin:
 def write_picture(
     picture: Picture, path: Path | str, *, exposure: float | None = None, origin: Origin | None = None
 ) -> None:
-    """Write a picture, atomically, in the format that the name's ending says.
+    """Write a picture, atomically, in the format that the name's ending says. A missing folder is made.
 
     Parameters
     ----------
@@ -64,18 +65,20 @@ def write_picture(
     Raises
     ------
     InputError
-        If the name has another ending.
+        If the name has another ending, or the folder cannot be made.
     MachineError
         If the disk is full or fails.
     BakeError
-        If the folder is missing or not writable.
+        If the folder is not writable.
 
     Examples
     --------
     >>> picture = rsibr.render("sphere", "out/paint.rsibr")                    # doctest: +SKIP
     >>> write_picture(picture, "out/sphere.png")                               # doctest: +SKIP
     """
-    if image_kind(path) == "exr":
+    kind = image_kind(path)
+    make_folder(Path(path).parent)
+    if kind == "exr":
         write_atomic(Path(path), encode_exr(picture, origin))
         return
     write_png(Path(path), display(picture, exposure_of_pictures([picture]) if exposure is None else exposure))

@@ -16,7 +16,8 @@ import numpy as np
 
 from rsibr.errors import InputError
 from rsibr.job_size import JobSize
-from rsibr.methods.registry import method_digest
+from rsibr.machine import make_folder
+from rsibr.methods.registry import default_method, method_digest
 from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.cameras.camera_choice import chosen_camera
 from rsibr.shading.cameras.camera_path import MOST_FRAMES, along_path, read_path, turntable
@@ -24,6 +25,7 @@ from rsibr.shading.pictures.film_file import check_ffmpeg, write_film
 from rsibr.shading.pictures.picture import Picture
 from rsibr.shading.pictures.picture_file import camera_record, encode_exr, exposure_of_pictures, on_black
 from rsibr.shading.pictures.picture_file import display as as_png
+from rsibr.shading.pictures.sequence_record import SequenceRecord, read_record, write_record
 from rsibr.shading.render import Bakes, Occlusion, OnProgress, RenderJob, Scene, exposure_factor
 from rsibr.shading.renderer import RAYS
 from rsibr.shading.scenes.object_scene import ObjectScene
@@ -130,6 +132,7 @@ def render_sequence(
     lookup: str = "pixel",
     occlusion: Occlusion = "auto",
     strict: bool = False,
+    environment_distance: float | None = None,
     exposure: float | None = None,
     fresh: bool = False,
     on_progress: OnProgress | None = None,
@@ -142,7 +145,8 @@ def render_sequence(
 
     Parameters
     ----------
-    scene, bakes, method, camera, resolution, rays, lookup, occlusion, strict, exposure, on_forecast, allow_large
+    scene, bakes, method, camera, resolution, rays, lookup, occlusion, strict, environment_distance, exposure,
+    on_forecast, allow_large
         As for `rsibr.render`. The exposure is one for all frames.
     out : path
         `name.exr`, `name.png`: numbered files `name_0001.exr` and so on, or with the number where `#` or `%04d` stands.
@@ -175,23 +179,34 @@ def render_sequence(
     """
     start, factor = time.perf_counter(), exposure_factor(exposure)
     files = _checked_files(out, frames)
+    record = SequenceRecord() if fresh else read_record(files.sidecar)
     keys = None if path is None else read_path(Path(path))
-    job = RenderJob.opened(scene, bakes, method=method, rays=rays, lookup=lookup, occlusion=occlusion, strict=strict)
+    job = RenderJob.opened(
+        scene,
+        bakes,
+        method=method,
+        rays=rays,
+        lookup=lookup,
+        occlusion=occlusion,
+        strict=strict,
+        environment_distance=environment_distance,
+    )
     first = chosen_camera(job.scene, camera, resolution)
     cameras = turntable(first, job.scene.centre, frames) if keys is None else along_path(keys, first, frames)
     size = _sequence_size(job.size(first), files, first)
     if on_forecast is not None:
         on_forecast(size)
     size.admit(out, allow_large)
+    settings = _settings(job)
     if files.kind != "exr" and factor is None:
-        factor = _common_exposure(job, cameras)
-    frame_files = _Frames(files, _settings(job, factor), {} if fresh else _made_before(files.sidecar))
-    if files.kind == FILM:
-        _make_folder(files.folder)
-    kept, notes = frame_files.make(job, cameras, factor, on_progress or (lambda _done, _total: None))
+        factor = _known_exposure(record, settings, cameras) or _common_exposure(job, cameras)
+        record = replace(record, exposure=factor, exposed_by=_exposed_by(settings, cameras))
+    make_folder(files.folder)
+    maker = _Frames(files, _digest(settings, factor), record)
+    kept, notes = maker.make(job, cameras, factor, on_progress or (lambda _done, _total: None))
     made = tuple(files.frame(index) for index in range(frames))
     if files.kind == FILM:
-        write_film(made, files.out)
+        maker.write_film(made)
         made = (files.out,)
     return RenderedSequence(made, frames, kept, time.perf_counter() - start, factor, notes)
 
@@ -202,16 +217,16 @@ class _Frames:
 
     files: FrameFiles
     settings: str
-    record: dict[str, dict[str, str]]
+    record: SequenceRecord
 
     def make(
         self, job: RenderJob, cameras: list[Camera], exposure: float | None, show: OnProgress
     ) -> tuple[int, tuple[str, ...]]:
         """Make the frames that are missing; return how many were not, and the notes of the pictures."""
-        known, self.record, kept, notes = self.record, {}, 0, dict[str, None]()
+        known, entries, kept, notes = dict(self.record.frames), dict[str, dict[str, str]](), 0, dict[str, None]()
         for index, camera in enumerate(cameras):
             show(index, len(cameras))
-            file, made_by = self.files.frame(index), _frame_digest(self.settings, camera, index)
+            file, made_by = self.files.frame(index), _digest(self.settings, camera_record(camera), index)
             entry = known.get(file.name)
             if entry is not None and entry["made_by"] == made_by and _holds(file, entry["sha256"]):
                 kept += 1
@@ -222,11 +237,25 @@ class _Frames:
                 write_atomic(file, data)
                 entry = {"made_by": made_by, "sha256": checksum(data)}
                 known[file.name] = entry
-                _write_record(self.files.sidecar, known)
-            self.record[file.name] = entry
-        _write_record(self.files.sidecar, self.record)
+                self._keep(known)
+            entries[file.name] = entry
+        if entries != self.record.frames:
+            self._keep(entries)
         show(len(cameras), len(cameras))
         return kept, tuple(notes) or job.notes
+
+    def write_film(self, frames: tuple[Path, ...]) -> None:
+        """Encode the film, unless it is there and of these frames."""
+        made_by = _digest(*(entry["sha256"] for entry in self.record.frames.values()))
+        film = self.record.film
+        if film is None or film["made_by"] != made_by or not _holds(self.files.out, film["sha256"]):
+            write_film(frames, self.files.out)
+            self.record = replace(self.record, film={"made_by": made_by, "sha256": file_checksum(self.files.out)})
+            write_record(self.files.sidecar, self.record)
+
+    def _keep(self, frames: dict[str, dict[str, str]]) -> None:
+        self.record = replace(self.record, frames=dict(frames))
+        write_record(self.files.sidecar, self.record)
 
     def _encoded(self, job: RenderJob, camera: Camera, picture: Picture, exposure: float | None) -> bytes:
         if self.files.kind == "exr":
@@ -250,14 +279,6 @@ def _sequence_size(picture: JobSize, files: FrameFiles, camera: Camera) -> JobSi
     return replace(picture, name=f"sequence of {files.frames} frames", disk=disk)
 
 
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        what = f"{folder} cannot be made ({error.strerror})"
-        raise InputError(what, where="out", fix="choose another place") from error
-
-
 def _common_exposure(job: RenderJob, cameras: list[Camera]) -> float:
     """One exposure for all frames, from small pictures of some: the same whenever it is chosen."""
     chosen = [cameras[index] for index in np.unique(np.linspace(0, len(cameras) - 1, _TRIALS).astype(int))]
@@ -270,17 +291,34 @@ def _scaled(pixels: int, scale: float) -> int:
     return max(1, round(pixels * scale))
 
 
-def _settings(job: RenderJob, exposure: float | None) -> str:
-    """Digest of all that decides the frames but their cameras: code, geometry, bakes, methods, settings."""
-    origin = {
-        "code": source_digest("rsibr.shading", "rsibr.methods"),
-        "geometry": geometry_digest(job.scene),
-        "bakes": {name: bake.manifest.identity for name, bake in job.bakes.items()},
-        "maps": {name: [view.sha256 for view in bake.manifest.views] for name, bake in job.bakes.items()},
-        "methods": [method_digest(method.name) for method in job.renderer.methods],
-        "settings": [job.rays, job.lookup, job.occlusion, exposure],
-    }
-    return hashlib.sha256(json.dumps(origin, sort_keys=True, default=str).encode()).hexdigest()
+def _known_exposure(record: SequenceRecord, settings: str, cameras: list[Camera]) -> float | None:
+    """Exposure of an earlier run with the same settings and cameras: it need not be chosen again."""
+    return record.exposure if record.exposed_by == _exposed_by(settings, cameras) else None
+
+
+def _exposed_by(settings: str, cameras: list[Camera]) -> str:
+    return _digest(settings, [camera_record(camera) for camera in cameras])
+
+
+def _settings(job: RenderJob) -> str:
+    """Digest of all that decides the frames but their cameras and exposure: code, geometry, bakes, methods, settings.
+
+    Nothing is prepared for it, so that a sequence that is complete ends at once.
+    """
+    return _digest(
+        {
+            "code": source_digest("rsibr.shading", "rsibr.methods"),
+            "geometry": geometry_digest(job.scene),
+            "bakes": {name: bake.manifest.identity for name, bake in job.bakes.items()},
+            "maps": {name: [view.sha256 for view in bake.manifest.views] for name, bake in job.bakes.items()},
+            "methods": [method_digest(job.method or default_method(bake)) for bake in job.bakes.values()],
+            "settings": [job.rays, job.lookup, job.occlusion],
+        }
+    )
+
+
+def _digest(*parts: Any) -> str:
+    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def geometry_digest(scene: ObjectScene) -> str:
@@ -296,23 +334,6 @@ def geometry_digest(scene: ObjectScene) -> str:
     return digest.hexdigest()
 
 
-def _frame_digest(settings: str, camera: Camera, seed: int) -> str:
-    return hashlib.sha256(f"{settings} {json.dumps(camera_record(camera))} {seed}".encode()).hexdigest()
-
-
 def _holds(file: Path, sha256: str) -> bool:
     """Whether the file is there, unchanged."""
     return file.is_file() and file_checksum(file) == sha256
-
-
-def _made_before(sidecar: Path) -> dict[str, dict[str, str]]:
-    """Record of an earlier run; empty if there is none, or it is no record."""
-    try:
-        found = json.loads(sidecar.read_bytes())["frames"]
-        return {str(name): {key: str(entry[key]) for key in ("made_by", "sha256")} for name, entry in found.items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return {}
-
-
-def _write_record(sidecar: Path, frames: Mapping[str, Mapping[str, str]]) -> None:
-    write_atomic(sidecar, json.dumps({"schema": 1, "frames": frames}, indent=1).encode())

@@ -34,7 +34,7 @@ class PlaceModel(_Model):
 class FindingModel(_Model):
     """All texels of one kind."""
 
-    verdict: Literal["failed", "warning"] = Field(description="severity of a texel of this kind")
+    verdict: Literal["failed", "warning", "none"] = Field(description="severity; none if no texel is of this kind")
     meaning: str
     texels: int = Field(ge=0)
     views: int = Field(ge=0, description="views with such texels")
@@ -45,7 +45,7 @@ class FindingModel(_Model):
         """Make the model of a finding."""
         places = [PlaceModel(**vars(place)) for place in finding.places]
         return cls(
-            verdict=finding.verdict,
+            verdict=finding.verdict if finding.texels else "none",
             meaning=finding.meaning,
             texels=finding.texels,
             views=finding.views,

@@ -16,6 +16,11 @@ WORK = 15.0
 """Time of a sample of all five truths together over that of a sample of a bake; measured on a torus, two cores."""
 COMPILE_SECONDS = 3.0
 """Time to load scenes and compile the kernels of the truths [s]."""
+METHOD_SECONDS = 2.5
+"""Time to prepare a method, to compile its kernels, and to judge its pictures [s]; mean over all listed methods."""
+SHADOW_SECONDS = 1.6
+"""Time that a method takes longer where its picture has shadows of its own [s]; with `METHOD_SECONDS` from processor
+time of a sphere and a torus, 128² pixels, two cores: forecast 33 and 48 s, taken 29 and 44 s."""
 LANE_BYTES = 150
 """Memory of a sample in a launch [bytes]."""
 BUFFER_BYTES = 12
@@ -26,7 +31,15 @@ FLIP_SECONDS = 2e-6
 """Time of HDR-FLIP a pixel [s]."""
 
 
-def object_job(primary: PrimaryRays, bakes: Mapping[str, Bake], methods: int, samples: int, buffers: int) -> JobSize:
+def object_job(
+    primary: PrimaryRays,
+    bakes: Mapping[str, Bake],
+    methods: int,
+    samples: int,
+    buffers: int,
+    *,
+    has_shadows: bool = False,
+) -> JobSize:
     """Memory and time of an object's validation; time from the samples a second that the bakes reached.
 
     Parameters
@@ -37,6 +50,8 @@ def object_job(primary: PrimaryRays, bakes: Mapping[str, Bake], methods: int, sa
         Bake of each type.
     methods, samples, buffers : int
         Methods; samples a pixel of each truth; independent buffers.
+    has_shadows : bool
+        Whether the pictures may have shadows of their own.
     """
     camera, covered = primary.camera, len(primary.pixels)
     pixels = camera.width * camera.height
@@ -45,7 +60,8 @@ def object_job(primary: PrimaryRays, bakes: Mapping[str, Bake], methods: int, sa
     lanes = LANE_BYTES * min(LANES_PER_LAUNCH, covered * max(samples // buffers, primary.rays))
     rates = [rate for bake in bakes.values() if (rate := _samples_a_second(bake)) is not None]
     flips = FLIP_SECONDS * pixels * 2 * methods * (buffers + 1)
-    seconds = COMPILE_SECONDS + WORK * covered * samples / min(rates) + flips if rates else None
+    judged = methods * (METHOD_SECONDS + SHADOW_SECONDS * has_shadows)
+    seconds = COMPILE_SECONDS + WORK * covered * samples / min(rates) + judged + flips if rates else None
     name = f"validation of a picture of {camera.width}×{camera.height}"
     return JobSize(name, memory=round(maps + kept + lanes), seconds=seconds)
 

@@ -108,7 +108,8 @@ def validate_object(
     names = _methods(given, methods)
     primary = _primary(scene, given, camera or scene.camera, rays)
     _require_buffers(buffers)
-    job = object_job(primary, given, len(names), samples, buffers)
+    may_shadow = occlusion != "off" and (len(scene.shapes) > 1 or any(one.is_mesh() for one in scene.shapes.values()))
+    job = object_job(primary, given, len(names), samples, buffers, has_shadows=may_shadow)
     job.admit(None, allow_large)
     on_forecast(job)
     renderers = {name: _renderers(scene, given, name, lookup, occlusion) for name in names}  # fail before the truths

@@ -21,8 +21,8 @@ def test_every_effect_is_told(evidence):
 def test_what_is_left_out_is_told_with_its_error(evidence):
     plan = ObjectPlan.of(evidence(switches={"self_occlusion": "off"}))
     notes = list(plan.notes())
-    assert [note.split()[0] for note in notes] == ["self_occlusion", "interreflection"]
-    assert "estimated relMSE of" in notes[0]
+    assert [note.split(":")[0] for note in notes] == ["self_occlusion", "interreflection"]
+    assert "estimated error (relMSE) 0." in notes[0]
     with pytest.raises(KeyError):
         plan["glitter"]
 

@@ -11,6 +11,7 @@ import rsibr
 from rsibr.errors import InputError, MachineError
 from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.cameras.camera_path import Key, along_path, read_path, turntable
+from rsibr.shading.pictures import sequence
 from rsibr.shading.pictures.sequence import FrameFiles
 from rsibr.shading.render import RenderJob
 from tests.shading.test_render import PLAIN, paint, two_spheres  # noqa: F401
@@ -113,6 +114,24 @@ def test_a_killed_sequence_goes_on_and_ends_as_if_it_had_not_been_killed(paint, 
     assert not [file for file in tmp_path.iterdir() if file.name.startswith(".")]
 
 
+@pytest.mark.parametrize("name", ["a.png", "a.exr"])
+def test_a_complete_sequence_prepares_nothing(paint, tmp_path, monkeypatch, name):  # noqa: F811
+    first = rsibr.render_sequence("sphere", paint, out=tmp_path / "new" / name, frames=2, **SETTINGS)
+    assert first.kept == 0
+    monkeypatch.setattr(RenderJob, "renderer", property(lambda _self: pytest.fail("prepared")))
+    again = rsibr.render_sequence("sphere", paint, out=tmp_path / "new" / name, frames=2, **SETTINGS)
+    assert (again.kept, again.exposure, again.files) == (2, first.exposure, first.files)
+
+
+def test_the_exposure_is_chosen_anew_for_other_cameras_only(paint, tmp_path, monkeypatch):  # noqa: F811
+    chosen = []
+    monkeypatch.setattr(sequence, "_common_exposure", lambda _job, cameras: chosen.append(cameras) or 2.0)
+    above = {"direction": (0, 1, 0.1)}
+    for given, times in (({}, 1), ({}, 1), ({"camera": above}, 2), ({"rays": 2}, 3), ({"rays": 2}, 3)):
+        made = rsibr.render_sequence("sphere", paint, out=tmp_path / "a.png", frames=1, **{**SETTINGS, **given})
+        assert (len(chosen), made.exposure) == (times, 2.0)
+
+
 def test_another_object_under_the_same_name_is_not_the_same_sequence(paint, tmp_path):  # noqa: F811
     scene = two_spheres()
     for kept, bakes in ((0, paint), (2, paint)):
@@ -140,6 +159,10 @@ def test_a_film_is_made_of_all_frames(paint, tmp_path, monkeypatch):  # noqa: F8
     assert made.files == (tmp_path / "film.mp4",)
     assert json.loads((tmp_path / "film.mp4").read_text()) == ["000001.png", "000002.png", "000003.png"]
     tool.write_text("#!/bin/sh\necho no such codec >&2\nexit 1\n")
+    again = rsibr.render_sequence("sphere", paint, out=tmp_path / "film.mp4", frames=3, **SETTINGS)
+    assert again.kept == 3  # and the film is not encoded again
+    (tmp_path / "film.mp4.frames" / "000002.png").unlink()
+    (tmp_path / "film.mp4.frames" / "frames.json").unlink()
     with pytest.raises(MachineError, match="no such codec"):
         rsibr.render_sequence("sphere", paint, out=tmp_path / "film.mp4", frames=3, **SETTINGS)
     assert json.loads((tmp_path / "film.mp4").read_text())  # as it was

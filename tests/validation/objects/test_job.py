@@ -9,7 +9,7 @@ import pytest
 
 from rsibr.errors import InputError
 from rsibr.shading.cameras.camera import Camera
-from rsibr.validation.objects.job import object_job
+from rsibr.validation.objects.job import METHOD_SECONDS, SHADOW_SECONDS, object_job
 
 
 def bake(seconds=10.0):
@@ -39,3 +39,13 @@ def test_memory_grows_with_the_picture_and_a_job_beyond_it_is_refused():
 def test_a_bake_that_serves_two_shapes_is_held_once():
     one, both = (object_job(primary(), bakes, 1, 64, 8) for bakes in ({"*": bake()}, {"a": bake(), "*": bake()}))
     assert both.memory == one.memory
+
+
+def test_every_method_takes_its_time_and_more_with_shadows():
+    one, nine, shaded = (
+        object_job(primary(), {"*": bake()}, methods, 1024, 8, has_shadows=shadows).seconds
+        for methods, shadows in ((1, False), (9, False), (9, True))
+    )
+    flips = 2e-6 * 256**2 * 2 * 8 * 9
+    assert nine - one == pytest.approx(8 * METHOD_SECONDS + flips)
+    assert shaded - nine == pytest.approx(9 * SHADOW_SECONDS)
