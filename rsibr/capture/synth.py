@@ -105,8 +105,9 @@ def capture_synth(
     Returns
     -------
     Path
-        `capture.json`: intrinsics, poses (OpenCV's camera to world), masks, and the files of each view with their
-        exposures. The photographs lie beside it.
+        `capture.json`: intrinsics, poses (OpenCV's camera to world), masks, the files of each view with their
+        exposures, and the `gain` by which merged photographs exceed the radiance of the scene. The photographs lie
+        beside it.
 
     Raises
     ------
@@ -117,48 +118,52 @@ def capture_synth(
     if not len(views):
         raise InputError("no views", where="view", fix="give at least one direction, X,Y,Z")
     make_folder(folder)
-    sensor = Sensor(chosen_curve(camera_like.curve), camera_like.bits)
-    photographs = [
-        _photographed(environment, bsdf, view, index, folder, sensor, camera_like) for index, view in enumerate(views)
-    ]
-    document = {"schema": 1, "convention": "opencv", "sphere": {"centre": [0, 0, 0], "radius": 1}}
+    things = ball_under(environment, bsdf)
+    pictures = [_picture(things, view, index, camera_like) for index, view in enumerate(views)]
+    gain = _gain(pictures, camera_like, environment.name)
+    photographs = [_written(picture, index, folder, gain, camera_like) for index, picture in enumerate(pictures)]
+    document = {"schema": 1, "convention": "opencv", "sphere": {"centre": [0, 0, 0], "radius": 1}, "gain": gain}
     path = folder / CAPTURE_NAME
     write_atomic(path, json.dumps({**document, "photographs": photographs}, indent=1).encode())
     return path
 
 
-def _photographed(
-    environment: Environment,
-    bsdf: mi.BSDF | dict[str, Any],
-    view: ArrayLike,
-    index: int,
-    folder: Path,
-    sensor: Sensor,
-    shooting: Shooting,
-) -> dict[str, Any]:
-    """Write the shots of a view; return what `capture.json` says of it."""
+@dataclass(frozen=True, eq=False)
+class _Picture:
+    """What a camera sees, before its sensor."""
+
+    camera: Pinhole
+    radiance: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+
+
+def _picture(things: dict[str, Any], view: ArrayLike, index: int, shooting: Shooting) -> _Picture:
     camera = _camera(view, shooting)
-    radiance, alpha = rendered(
-        ball_under(environment, bsdf), camera, samples=shooting.samples, seed=shooting.seed + index
-    )
-    mask = f"view_{index:02d}_mask.png"
-    write_photograph(folder / mask, np.repeat(np.rint(alpha * 255).astype(np.uint8)[..., None], 3, axis=2))
-    middle = float(np.median(radiance[alpha > 0.5]))
+    return _Picture(camera, *rendered(things, camera, samples=shooting.samples, seed=shooting.seed + index))
+
+
+def _gain(pictures: Sequence[_Picture], shooting: Shooting, name: str) -> float:
+    """Sensitivity of the camera, one for all views, at which the middle shot shows the ball well."""
+    middle = float(np.median(np.concatenate([one.radiance[one.alpha > 0.5] for one in pictures])))
     if not middle > 0:
-        raise InputError("no light falls on the ball", where=environment.name, fix="use another environment")
-    gain = _MIDDLE / middle * 2 ** (shooting.stops * (shooting.shots - 1) / 2)
+        raise InputError("no light falls on the ball", where=name, fix="use another environment")
+    return _MIDDLE / middle * 2 ** (shooting.stops * (shooting.shots - 1) / 2)
+
+
+def _written(picture: _Picture, index: int, folder: Path, gain: float, shooting: Shooting) -> dict[str, Any]:
+    """Write the shots of a view; return what `capture.json` says of it."""
+    mask, covered = f"view_{index:02d}_mask.png", np.rint(picture.alpha * 255).astype(np.uint8)
+    write_photograph(folder / mask, np.repeat(covered[..., None], 3, axis=2))
+    sensor, seed = Sensor(chosen_curve(shooting.curve), shooting.bits), shooting.seed * 1000 + index
     shots = []
-    for number, shot in enumerate(
-        bracketed(
-            radiance, sensor, shots=shooting.shots, stops=shooting.stops, gain=gain, seed=shooting.seed * 1000 + index
-        )
-    ):
+    brackets = bracketed(picture.radiance, sensor, shots=shooting.shots, stops=shooting.stops, gain=gain, seed=seed)
+    for number, shot in enumerate(brackets):
         name = f"view_{index:02d}_shot_{number}.png"
         steps: NDArray[np.float32] = np.rint(shot.values * shot.levels)
         integers = steps.astype(np.uint8) if shot.levels == 255 else steps.astype(np.uint16)
         write_photograph(folder / name, integers, shot.exposure)
         shots.append({"file": name, "exposure": shot.exposure.to_record() if shot.exposure else None})
-    return {**_record(camera), "mask": mask, "gain": gain, "shots": shots}
+    return {**_record(picture.camera), "mask": mask, "shots": shots}
 
 
 def _camera(view: ArrayLike, shooting: Shooting) -> Pinhole:
