@@ -16,7 +16,8 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from rsibr.errors import InputError
-from rsibr.store.atomic import read_bytes
+from rsibr.machine import make_folder
+from rsibr.store.atomic import read_bytes, write_atomic
 from rsibr.store.exr import open_exr
 from rsibr.store.map_file import REC709
 
@@ -48,6 +49,20 @@ def encode_parts(pictures: Mapping[str, NDArray[Any]], attributes: Mapping[str, 
     with OpenEXR.File(parts) as file:
         file.write(stream)
     return stream.getvalue()
+
+
+def write_parts(
+    path: Path | str, pictures: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any] | None = None
+) -> None:
+    """Write `encode_parts` to a file, atomically; its folder is made if it does not exist.
+
+    Raises
+    ------
+    MachineError, BakeError
+        If it cannot be written.
+    """
+    make_folder(Path(path).parent)
+    write_atomic(Path(path), encode_parts(pictures, attributes))
 
 
 def read_parts(path: Path) -> dict[str, Picture]:

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.capture.exr_parts import encode_parts
+from rsibr.capture.exr_parts import write_parts
 from rsibr.errors import InputError
 from rsibr.geometry.projections.latlong import MITSUBA
 from rsibr.geometry.projections.sphere_image import SphereImage, converted
-from rsibr.store.atomic import write_atomic
 
 _MOST_HEIGHT = 16384
 SOURCE_KEY = "rsibr:source"
@@ -39,7 +38,7 @@ class Panorama:
 
     def write(self, path: Path | str) -> None:
         """Write the map as OpenEXR, atomically; it can be given as `environment.file`."""
-        write_atomic(Path(path), encode_parts({"radiance": self.radiance}, {SOURCE_KEY: self.source}))
+        write_parts(path, {"radiance": self.radiance}, {SOURCE_KEY: self.source})
 
 
 def as_latlong(image: SphereImage, height: int) -> NDArray[np.float32]:

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from rsibr.capture.ball import BallShot
 from rsibr.capture.balls.sun import Sun, sun_of, with_sun
 from rsibr.capture.curves.curve import Curve
-from rsibr.capture.exr_parts import encode_parts, read_parts
+from rsibr.capture.exr_parts import read_parts, write_parts
 from rsibr.errors import InputError
-from rsibr.store.atomic import write_atomic
 
 _RADIANCE, _SATURATED = "radiance", "saturated"
 
@@ -35,7 +34,7 @@ class SunnyEnvironment:
 
     def write(self, path: Path | str) -> None:
         """Write the map as OpenEXR, atomically."""
-        write_atomic(Path(path), encode_parts({_RADIANCE: self.radiance}))
+        write_parts(path, {_RADIANCE: self.radiance})
 
 
 def capture_sun(

@@ -61,6 +61,7 @@ def test_a_wrong_file_is_one_clear_line(tmp_path, text, says):
         read_curve(tmp_path / "curve.csv")
 
 
+@pytest.mark.slow
 def test_a_curve_is_found_in_brackets(rng):
     """A curve that is none of those with a name, from patches of known spread."""
     at = np.linspace(0, 1, KNOTS)

@@ -17,9 +17,8 @@ from rsibr.capture.balls.ball_photograph import BallPhotograph
 from rsibr.capture.balls.filled import filled
 from rsibr.capture.balls.reflectance import Reflectance
 from rsibr.capture.balls.reflection import Seen, seen
-from rsibr.capture.exr_parts import encode_parts
+from rsibr.capture.exr_parts import write_parts
 from rsibr.geometry.projections.latlong import MITSUBA
-from rsibr.store.atomic import write_atomic
 
 RIM_PIXELS = 2.0
 """Pixels along the rim that are left out: they mix the ball with what lies behind it."""
@@ -58,7 +57,7 @@ class BallEnvironment:
         Its picture is the radiance: it can be given as `environment.file`.
         """
         parts = {"radiance": self.radiance, "seen": self.seen, "saturated": self.saturated}
-        write_atomic(Path(path), encode_parts(parts))
+        write_parts(path, parts)
 
 
 @backend.in_session

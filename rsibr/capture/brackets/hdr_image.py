@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rsibr.capture.exr_parts import encode_parts, read_parts
+from rsibr.capture.exr_parts import read_parts, write_parts
 from rsibr.errors import InputError
-from rsibr.store.atomic import write_atomic
 
 RADIANCE, VARIANCE, SATURATED = "radiance", "variance", "saturated"
 """Names of the parts."""
@@ -46,7 +45,7 @@ class HdrImage:
         Its picture is the radiance: it can be given as `environment.file`.
         """
         parts = {RADIANCE: self.radiance, VARIANCE: self.variance, SATURATED: self.saturated}
-        write_atomic(Path(path), encode_parts(parts))
+        write_parts(path, parts)
 
 
 def read_hdr_image(path: Path | str) -> HdrImage:

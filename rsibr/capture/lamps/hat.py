@@ -19,7 +19,7 @@ def hat_integrals(height: int, width: int) -> NDArray[np.float64]:
 
     Examples
     --------
-    >>> float(hat_integrals(33, 64).sum() * 64 / (4 * np.pi))
+    >>> round(float(hat_integrals(33, 64).sum() * 64 / (4 * np.pi)), 12)
     1.0
     """
     step = np.pi / (height - 1)

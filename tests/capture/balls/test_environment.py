@@ -48,7 +48,12 @@ def test_the_law_of_the_finite_distance_against_a_ray_by_hand():
 
 
 @pytest.mark.parametrize(
-    ("distance", "view", "shift"), [(5, (0, 0, 1), (0, 0)), (20, (2, 1, -1), (0.6, -0.3)), (50, (0, 1, 0), (0, 0))]
+    ("distance", "view", "shift"),
+    [
+        pytest.param(5, (0, 0, 1), (0, 0), marks=pytest.mark.slow),
+        (20, (2, 1, -1), (0.6, -0.3)),
+        pytest.param(50, (0, 1, 0), (0, 0), marks=pytest.mark.slow),
+    ],
 )
 def test_directions_are_right_to_a_tenth_of_a_degree(distance, view, shift):
     """Target: median below .1° within 150°, at distances of 5 to 50; the ball need not be in the middle."""
@@ -59,6 +64,7 @@ def test_directions_are_right_to_a_tenth_of_a_degree(distance, view, shift):
     assert np.quantile(errors, 0.99) < 0.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [5, 20])
 def test_a_camera_at_infinity_is_the_wrong_model(distance):
     """The same test fails for the orthographic mirror ball, which says that it can fail."""
@@ -85,6 +91,7 @@ def test_a_camera_is_placed_by_the_outline_and_the_direction_to_it():
     assert np.median(errors) < 0.15
 
 
+@pytest.mark.slow
 def test_two_balls_at_a_right_angle_show_everything():
     """Target of the issue: relMSE below 1e-3 and irradiance within .1 %; balls 5 times as wide as the map.
 
@@ -105,6 +112,7 @@ def test_two_balls_at_a_right_angle_show_everything():
     assert not any("opposite" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_without_the_metals_reflectance_the_light_is_too_dark():
     environment = courtyard()
     ball, _ = photographed(environment, mirror("Cr"), framed((0, 0, 1), 10, 200))

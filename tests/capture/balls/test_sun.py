@@ -27,7 +27,7 @@ def ball_in(sky, view=(4, 2, 9), reflectance=0.6):
     return photographed(of_image(sky[0]), matte(reflectance), framed(view, 10, 96), samples=144)[0]
 
 
-@pytest.mark.parametrize(("given", "bound"), [(0.6, 0.01), (None, 0.02)])
+@pytest.mark.parametrize(("given", "bound"), [pytest.param(0.6, 0.01, marks=pytest.mark.slow), (None, 0.02)])
 def test_energy_and_direction_come_back(sky, given, bound):
     """Target of the issue: energy within 2 %, direction within .3°."""
     _, seen, saturated = sky
@@ -38,6 +38,7 @@ def test_energy_and_direction_come_back(sky, given, bound):
     assert sun.residual < 0.02
 
 
+@pytest.mark.slow
 def test_a_second_matte_ball_is_lit_as_the_first_said(sky):
     _, seen, saturated = sky
     sun = sun_of(seen, saturated, ball_in(sky), 0.6)
@@ -64,6 +65,7 @@ def test_a_source_across_the_seam_is_one(sky):
     assert direction[0] == pytest.approx(0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_mistakes_are_one_clear_line(sky):
     _, seen, saturated = sky
     with pytest.raises(InputError, match="its energy is known"):

@@ -81,6 +81,7 @@ def test_one_shot_alone_is_its_curve(scene):
 
 def test_hand_held_brackets_are_aligned():
     _, panorama, _ = rec709_picture(scenes() / "environments" / "courtyard.exr", 2**30)
+    panorama = panorama[:512, :1024].reshape(128, 4, 256, 4, 3).mean(axis=(1, 3))
     shots = list(bracketed(panorama, Sensor(), gain=1 / float(np.median(panorama)), shots=6))
     moves = [(3, -2), (0, 0), (-5, 7), (1, 4), (-2, -3), (6, 1)]
     moved = [

@@ -51,6 +51,7 @@ def test_the_rim_touches_the_sphere():
     assert np.allclose(np.linalg.norm(np.cross(rays, camera.position), axis=1), 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bsdf", [matte(), mirror()], ids=["matte", "mirror"])
 def test_an_unmarked_ball_is_found_or_refused(bsdf):
     """Within a pixel; a ball that cannot be told from its surroundings is one clear line, never a wrong outline."""
