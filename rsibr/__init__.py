@@ -23,6 +23,16 @@ from rsibr.version import __version__
 if TYPE_CHECKING:
     from rsibr.budget.bake import bake as bake
     from rsibr.budget.bake import plan as plan
+    from rsibr.capture.added_lamps import capture_light as capture_light
+    from rsibr.capture.ball import BallShot as BallShot
+    from rsibr.capture.ball import capture_ball as capture_ball
+    from rsibr.capture.hdr import capture_hdr as capture_hdr
+    from rsibr.capture.lamps.lamp import Lamp as Lamp
+    from rsibr.capture.lamps.lamp import point_lamp as point_lamp
+    from rsibr.capture.painted import capture_painted as capture_painted
+    from rsibr.capture.six_images import capture_six as capture_six
+    from rsibr.capture.sun import capture_sun as capture_sun
+    from rsibr.capture.synth import capture_synth as capture_synth
     from rsibr.lobes.albedo import node_cosines as node_cosines
     from rsibr.methods.method_set import MethodSet as MethodSet
     from rsibr.methods.protocol import Method as Method
@@ -47,10 +57,19 @@ if TYPE_CHECKING:
     from rsibr.validation.validation import validate as validate
 
 _HOME = {
+    "BallShot": "rsibr.capture.ball",
+    "Lamp": "rsibr.capture.lamps.lamp",
     "Method": "rsibr.methods.protocol",
     "MethodSet": "rsibr.methods.method_set",
     "PointwiseMethod": "rsibr.methods.protocol",
     "bake": "rsibr.budget.bake",
+    "capture_ball": "rsibr.capture.ball",
+    "capture_hdr": "rsibr.capture.hdr",
+    "capture_light": "rsibr.capture.added_lamps",
+    "capture_painted": "rsibr.capture.painted",
+    "capture_six": "rsibr.capture.six_images",
+    "capture_sun": "rsibr.capture.sun",
+    "capture_synth": "rsibr.capture.synth",
     "check": "rsibr.validation.health.check",
     "compare": "rsibr.studies.compare.runner",
     "configs": "rsibr.resources",
@@ -59,6 +78,7 @@ _HOME = {
     "node_cosines": "rsibr.lobes.albedo",
     "open_bake": "rsibr.store.bake",
     "plan": "rsibr.budget.bake",
+    "point_lamp": "rsibr.capture.lamps.lamp",
     "publish": "rsibr.publishing.publish",
     "reconstruct": "rsibr.methods.reconstruction",
     "register": "rsibr.methods.registry",
@@ -82,11 +102,20 @@ _MODULES = {
 """Modules that are public as a whole, by their public name."""
 
 __all__ = [
+    "BallShot",
+    "Lamp",
     "Method",
     "MethodSet",
     "PointwiseMethod",
     "__version__",
     "bake",
+    "capture_ball",
+    "capture_hdr",
+    "capture_light",
+    "capture_painted",
+    "capture_six",
+    "capture_sun",
+    "capture_synth",
     "check",
     "compare",
     "configs",
@@ -98,6 +127,7 @@ __all__ = [
     "pictures",
     "plan",
     "plots",
+    "point_lamp",
     "publish",
     "reconstruct",
     "register",

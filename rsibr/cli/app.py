@@ -9,6 +9,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from rsibr.cli.bake import bake
+from rsibr.cli.capture.group import capture
 from rsibr.cli.check import check
 from rsibr.cli.commands import Command, Commands
 from rsibr.cli.compare import compare
@@ -36,6 +37,7 @@ app = typer.Typer(
 )
 for command in (demo, doctor, plan, bake, check, reconstruct, render, publish, validate, study, compare):
     app.command(cls=Command)(command)
+app.add_typer(capture)
 
 
 @app.callback(invoke_without_command=True)
@@ -76,6 +78,7 @@ def _command() -> Any:
 
 def _options() -> dict[str, str]:
     """Options of the called command by parameter name."""
-    commands = getattr(typer.main.get_command(app), "commands", {})
-    called = next((commands[word] for word in sys.argv[1:] if word in commands), None)
-    return {one.name: one.opts[0] for one in called.params if one.opts[0].startswith("-")} if called else {}
+    called = typer.main.get_command(app)
+    for word in sys.argv[1:]:  # a group's subcommand follows its name
+        called = getattr(called, "commands", {}).get(word, called)
+    return {one.name: one.opts[0] for one in called.params if one.name and one.opts[0].startswith("-")}

@@ -10,17 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.errors import InputError
-from rsibr.scene.panorama.colour import to_rec709
-from rsibr.scene.panorama.exr import read_exr
-from rsibr.scene.panorama.exr_channels import KEY
 from rsibr.scene.panorama.face_borders import unfit_faces
 from rsibr.scene.panorama.faces import stacked_faces
 from rsibr.scene.panorama.layout import aspect_notes, without_seam
-from rsibr.scene.panorama.picture import Picture
-from rsibr.scene.panorama.radiance_hdr import read_radiance
+from rsibr.scene.panorama.rec709 import rec709_picture
 from rsibr.scene.panorama.resampled import KEY as PROJECTION_KEY
 from rsibr.scene.panorama.resampled import environment_projection, sheets_of, to_latlong
-from rsibr.scene.panorama.source import is_exr
 
 MAX_TEXELS = 2**30
 """Largest number of texels: Mitsuba indexes the four floats a texel of an envmap with 32 bits."""
@@ -96,7 +91,7 @@ def read_latlong(
     that shows the whole sphere.
     """
     path = Path(path)
-    picture, image, notes = _rec709(path, most_texels, layer)
+    picture, image, notes = rec709_picture(path, most_texels, layer)
     stated = _STATED.get(picture.layout)
     if projection is not None and stated not in (None, projection):
         raise InputError(
@@ -147,7 +142,7 @@ def read_faces(
     images: dict[str, NDArray[np.float32]] = {}
     notes: list[str] = []
     for face, path in paths.items():
-        picture, images[face], told = _rec709(path, most_texels, layer)
+        picture, images[face], told = rec709_picture(path, most_texels, layer)
         notes += [f"{face}: {note}" for note in told]
         if picture.layout != "plain":
             raise InputError(
@@ -193,33 +188,3 @@ def _check_is_column(image: NDArray[np.float32], where: str) -> None:
 
 def _size(image: NDArray[np.float32]) -> str:
     return f"{image.shape[1]} × {image.shape[0]}"
-
-
-def _rec709(path: Path, most_texels: int, layer: str | None) -> tuple[Picture, NDArray[np.float32], tuple[str, ...]]:
-    """Picture of a file, its image in Rec.709, finite, and notes on both."""
-    picture = _read(path, most_texels, layer)
-    image, notes = to_rec709(picture, str(path))
-    _check_finite(image, path)
-    return picture, image, (*picture.notes, *notes)
-
-
-def _read(path: Path, most_texels: int, layer: str | None) -> Picture:
-    if is_exr(path):
-        return read_exr(path, layer, most_texels)
-    if layer is not None:
-        raise InputError("is a Radiance HDR, which has no layers", where=str(path), fix=f"leave out {KEY}")
-    return read_radiance(path, most_texels)
-
-
-def _check_finite(image: NDArray[np.float32], path: Path) -> None:
-    bad = np.argwhere(~np.isfinite(image))
-    if not len(bad):
-        return
-    row, column, channel = bad[0]
-    value = "NaN" if np.isnan(image[row, column, channel]) else "Inf"
-    more = f"; {len(bad) - 1} more values are not finite" if len(bad) > 1 else ""
-    raise InputError(
-        f"texel (row {row}, column {column}) is {value} in channel {'RGB'[channel]}{more}",
-        where=str(path),
-        fix="paint it over: a single such texel spoils every map",
-    )

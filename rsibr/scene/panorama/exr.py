@@ -181,7 +181,8 @@ def read_exr(path: Path, layer: str | None, most_texels: int) -> Picture:
         If no Python interpreter is found to start a process with: the file is then read in this one.
     """
     where = str(path)
-    request = {"path": where, "layer": layer, "most_texels": most_texels}
+    # The child may have started in another working folder
+    request = {"path": str(path.absolute()), "layer": layer, "most_texels": most_texels}
     try:
         where.encode()
         found = _server.ask(request, PATIENCE + path.stat().st_size / SPEED) or _here(request)

@@ -1,0 +1,1 @@
+"""Exposure brackets: photographs of one view, merged into radiance with its variance."""

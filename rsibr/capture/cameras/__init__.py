@@ -1,0 +1,1 @@
+"""Cameras of photographs: intrinsics and poses in the conventions of other programs."""

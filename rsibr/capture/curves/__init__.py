@@ -1,0 +1,1 @@
+"""Response curves: what a camera stores for an exposure, a curve a file."""

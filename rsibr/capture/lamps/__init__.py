@@ -1,0 +1,1 @@
+"""Lamps: lights of known energy in a latitude–longitude map."""

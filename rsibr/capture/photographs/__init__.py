@@ -1,0 +1,1 @@
+"""Photographs: pixels, exposure and saturation of a file."""

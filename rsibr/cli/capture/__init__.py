@@ -1,0 +1,1 @@
+"""`rsibr capture`: photographs, renders and paintings become environments; a file a subcommand."""

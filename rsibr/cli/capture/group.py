@@ -1,0 +1,24 @@
+"""The group `rsibr capture` with its subcommands."""
+
+from __future__ import annotations
+
+import typer
+
+from rsibr.cli.capture.ball import ball
+from rsibr.cli.capture.hdr import hdr
+from rsibr.cli.capture.light import light
+from rsibr.cli.capture.painted import painted
+from rsibr.cli.capture.six import six
+from rsibr.cli.capture.sun import sun
+from rsibr.cli.capture.synth import synth
+from rsibr.cli.commands import Command, Commands
+
+capture = typer.Typer(
+    name="capture",
+    cls=Commands,
+    help="Make environments of photographs, renders and paintings.",
+    rich_markup_mode=None,
+    no_args_is_help=True,
+)
+for command in (hdr, ball, sun, six, light, painted, synth):
+    capture.command(cls=Command)(command)
