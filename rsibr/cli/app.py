@@ -14,6 +14,7 @@ from rsibr.cli.compare import compare
 from rsibr.cli.demo import demo
 from rsibr.cli.doctor import doctor
 from rsibr.cli.ending import run
+from rsibr.cli.pack import pack
 from rsibr.cli.plan import plan
 from rsibr.cli.reconstruct import reconstruct
 from rsibr.cli.render import render
@@ -29,7 +30,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (demo, doctor, plan, bake, check, reconstruct, render, validate, study, compare):
+for command in (demo, doctor, plan, bake, pack, check, reconstruct, render, validate, study, compare):
     app.command()(command)
 
 
