@@ -150,7 +150,7 @@ def test_files_that_a_new_coordinator_sweeps_are_written_again(config, tmp_path,
 
     def without_temporary(source, target):
         if next(once, False):
-            os.unlink(source)
+            Path(source).unlink()
         real(source, target)
 
     monkeypatch.setattr(os, "replace", without_temporary)
