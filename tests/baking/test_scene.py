@@ -204,8 +204,7 @@ def test_materials_and_skies_in_turn_are_probed_and_fitted_once_each(config, mad
             name = f"{material}-{len(sky)}.rsibr"
             overrides = [*sky, f"material.preset={material}"]
             rsibr.bake(config, out=tmp_path / name, overrides=overrides, lights=tmp_path / "lights")
-    assert made.pop("plan") == made.pop("integrator") == 4
-    assert {made.pop(name) for name in list(made)} == {2, 4}  # only files are read for each bake
+    assert [made[name] for name in ("fit", "material probe", "light probe", "light")] == [2, 2, 2, 2]
     assert len(list((tmp_path / "lights").iterdir())) == 2
 
 
@@ -223,15 +222,15 @@ def test_what_is_remembered_goes_by_content_and_changes_no_bit(config, tmp_path,
     assert not set(bits[0]) & set(bits[1])
 
 
-def test_a_bake_of_a_known_sky_and_material_compiles_nothing(config, tmp_path, gradient_sky):
+def test_a_bake_of_a_known_sky_and_material_compiles_nothing(config, tmp_path):
     """Nor one of another material of the same kind under a known sky, if both were met before."""
-    pairs = [("clearcoat-red", []), ("candy-red", []), ("clearcoat-red", [f"environment.file={gradient_sky}"])]
+    turned = "environment.rotation_deg=90"
+    pairs = [("clearcoat-red", []), ("candy-red", []), ("clearcoat-red", [turned])]
     for place, (material, sky) in enumerate(pairs):
         rsibr.bake(config, out=tmp_path / f"{place}.rsibr", overrides=[*sky, f"material.preset={material}"])
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         dr.kernel_history_clear()
-        overrides = [f"environment.file={gradient_sky}", "material.preset=candy-red"]
-        rsibr.bake(config, out=tmp_path / "last.rsibr", overrides=overrides)
+        rsibr.bake(config, out=tmp_path / "last.rsibr", overrides=[turned, "material.preset=candy-red"])
         kernels = [kernel for kernel in dr.kernel_history() if kernel["type"] == dr.KernelType.JIT]
     assert kernels
     assert all(kernel["cache_hit"] and not kernel["cache_disk"] for kernel in kernels)
