@@ -208,6 +208,7 @@ def test_materials_and_skies_in_turn_are_probed_and_fitted_once_each(config, mad
     assert len(list((tmp_path / "lights").iterdir())) == 2
 
 
+@pytest.mark.slow
 def test_what_is_remembered_goes_by_content_and_changes_no_bit(config, tmp_path, gradient_sky, asymmetric_environment):
     """A sky that changes under its name is another sky; one that comes back is the same."""
     sky = tmp_path / "sky.exr"
@@ -222,6 +223,7 @@ def test_what_is_remembered_goes_by_content_and_changes_no_bit(config, tmp_path,
     assert not set(bits[0]) & set(bits[1])
 
 
+@pytest.mark.slow
 def test_a_bake_of_a_known_sky_and_material_compiles_nothing(config, tmp_path):
     """Nor one of another material of the same kind under a known sky, if both were met before."""
     turned = "environment.rotation_deg=90"
