@@ -196,7 +196,7 @@ def test_a_view_that_does_not_exist(config, tmp_path):
 
 @pytest.mark.slow
 def test_units_of_killed_processes_make_the_plain_bake(config, tmp_path, rng):
-    """Two processes at once on the same views, killed soon after one has stored a map, and their coordinator with them."""
+    """Two processes at once on the same views, killed with their coordinator soon after one has stored a map."""
     heavier = ["sampling.samples=1024", "map.resolution=64"]
     plain = content(bake(config, out=tmp_path / "plain.rsibr", overrides=heavier).path)
     path, kills = prepare(config, tmp_path / "b.rsibr", overrides=heavier).path, 0

@@ -137,6 +137,17 @@ def test_what_the_file_holds_is_what_would_be_computed():
     assert np.array_equal(found.irradiance(other), irradiance_map(found.picture, other))
 
 
+def test_a_light_for_all_materials_has_the_irradiance_of_any():
+    """A mixture of the two stored maps: to 1e-5 what the weights would give by themselves."""
+    picture = np.random.default_rng(4).gamma(0.3, 2.0, (256, 256, 3)).astype(np.float32)
+    shared = decode_light(encode_light(Light(picture).for_all_materials()), "x")
+    assert len(shared.levels) == len(level_widths(len(shared.picture))) - 1
+    random = np.random.default_rng(5)
+    for weights in (MATTE, random.random((2, 3)), np.array([[0.2, 0.0, 0.0], [0.0, 0.7, 0.0]])):
+        wanted = irradiance_map(shared.picture, weights)
+        np.testing.assert_allclose(shared.irradiance(weights), wanted, rtol=1e-5)
+
+
 def test_each_level_says_how_wide_it_is():
     """One texel, 2√π/R rad, and √2 more a level, as file-format.md promises to other readers of the file."""
     with OpenEXR.File(io.BytesIO(encode_light(light(with_tables=True)))) as file:
