@@ -23,7 +23,7 @@ def stored(tmp_path_factory):
 
 @pytest.mark.benchmark(group="store")
 def test_opening_and_loading(benchmark, stored):
-    """Opening hashes every byte of a bake of this size; loading reads them again, checked again, and decodes the EXR files.
+    """Opening hashes a bake of this size; loading reads its bytes again, checked again, and decodes the EXR files.
 
     `on the device`: the same, encoded and ready for `cabral1999` to look up.
     """
