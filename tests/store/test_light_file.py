@@ -9,8 +9,9 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from rsibr.baking import baker
+from rsibr.baking import view
 from rsibr.baking.baker import bake
+from rsibr.baking.remembered import in_this_process
 from rsibr.errors import BakeError
 from rsibr.geometry.projections import octahedral, sphere_image
 from rsibr.geometry.projections.latlong import MITSUBA
@@ -21,7 +22,8 @@ from rsibr.light.radiance import Light
 from rsibr.lobes.proxy_ratio import NODES
 from rsibr.scene.orientation import rotation_about_y
 from rsibr.store.bake import BakeWriter, open_bake
-from rsibr.store.light_file import LIGHT_NAME, decode_light, encode_light, is_negative
+from rsibr.store.light_file import decode_light, encode_light, is_negative
+from rsibr.store.manifest import LIGHT_NAME
 from tests.store.synthetic import COUNT, SECONDS, baked, content, manifest
 from tests.store.test_store import damages
 
@@ -137,6 +139,17 @@ def test_what_the_file_holds_is_what_would_be_computed():
     assert np.array_equal(found.irradiance(other), irradiance_map(found.picture, other))
 
 
+def test_a_light_for_all_materials_has_the_irradiance_of_any():
+    """A mixture of the two stored maps: to 1e-5 what the weights would give by themselves."""
+    picture = np.random.default_rng(4).gamma(0.3, 2.0, (256, 256, 3)).astype(np.float32)
+    shared = decode_light(encode_light(Light(picture).for_all_materials()), "x")
+    assert len(shared.levels) == len(level_widths(len(shared.picture))) - 1
+    random = np.random.default_rng(5)
+    for weights in (MATTE, random.random((2, 3)), np.array([[0.2, 0.0, 0.0], [0.0, 0.7, 0.0]])):
+        wanted = irradiance_map(shared.picture, weights)
+        np.testing.assert_allclose(shared.irradiance(weights), wanted, rtol=1e-5)
+
+
 def test_each_level_says_how_wide_it_is():
     """One texel, 2√π/R rad, and √2 more a level, as file-format.md promises to other readers of the file."""
     with OpenEXR.File(io.BytesIO(encode_light(light(with_tables=True)))) as file:
@@ -246,11 +259,12 @@ def test_a_bake_that_goes_on_makes_no_second_light(config, tmp_path, monkeypatch
         raise KeyboardInterrupt
 
     with monkeypatch.context() as killed:
-        killed.setattr(baker, "bake_view", dying)
+        killed.setattr(view, "bake_view", dying)
         with pytest.raises(KeyboardInterrupt):
             bake(config, out=tmp_path / "b.rsibr")
     with pytest.raises(BakeError, match=r"0 of \d+ views"):
         open_bake(tmp_path / "b.rsibr")
+    in_this_process.forget()
     monkeypatch.setattr("rsibr.baking.parts.light_of", dying)
     resumed = content(bake(config, out=tmp_path / "b.rsibr").path)
     assert {k: v for k, v in resumed.items() if k != "manifest.json"} == {
