@@ -180,7 +180,7 @@ class MaterialConfig(_Section):
     Attributes
     ----------
     preset : str, optional
-        Name of a material shipped with rsibr (`rsibr.scene.material.PRESETS`).
+        Name of a material shipped with rsibr (`rsibr.scene.presets.PRESETS`).
     bsdf : dict, optional
         Mitsuba BSDF as plain data.
     file : Path, optional
