@@ -49,7 +49,8 @@ class Job:
     name : str
         Unique in the batch; a relative path whose parts are separated by "/", such as "solid-red/city-256".
     values : mapping
-        Value of each key of the matrix, as it is written in the batch file: `{"material": "solid-red"}`.
+        Value of each key of the matrix; of files and tables their short name: `{"material": "solid-red",
+        "environment": "noon", "map.resolution": 256}`.
     settings : mapping
         Tables of the config with absolute paths: `rsibr.scene.config.parse_config(settings, Path())`.
     then : Then

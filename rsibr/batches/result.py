@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -39,6 +39,8 @@ class JobResult:
         Path of the bake, relative to the directory of the batch.
     digest : str
         Digest of the job's settings.
+    values : dict
+        The job's value of each key of the matrix.
     asked : Then
         Steps after the bake that were asked for.
     contents : dict of str to str
@@ -69,6 +71,7 @@ class JobResult:
     exit_code: int | None = None
     bake: str = ""
     digest: str = ""
+    values: dict[str, Any] = field(default_factory=dict)
     asked: Then = field(default_factory=Then)
     contents: dict[str, str] = field(default_factory=dict)
     seconds: float = 0.0
@@ -81,6 +84,12 @@ class JobResult:
     attempts: int = 1
     finished_at: str = ""
     then: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, job: Job, state: Literal["done", "failed"], **fields: Any) -> Self:
+        """Result of a job that ends now: name, bake, digest, values and steps are the job's."""
+        known = {"name": job.name, "bake": job.bake, "digest": job.digest, "asked": job.then}
+        return cls(state=state, **{**known, "values": dict(job.values), "finished_at": utc_now(), **fields})
 
     def answers(self, job: Job) -> bool:
         """Whether this is a finished result of exactly this job."""

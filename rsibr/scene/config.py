@@ -381,6 +381,10 @@ class EffectsConfig(_Section):
         return self
 
 
+CHECKED_TOGETHER = (("sampling", "budget"),)
+"""Sections whose validity depends on each other; a validator of `Config` that reads two sections has an entry here."""
+
+
 class Config(_Section):
     """All settings of a bake. Made by `load_config` or `parse_config`.
 
