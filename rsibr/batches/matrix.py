@@ -157,7 +157,7 @@ class Matrix:
         if folder := register.folder_clash():
             mistakes.setdefault(f"{self.config.where}: the job '{folder}' is also a folder of other jobs")
         if mistakes:
-            raise InputError(_all_of(list(mistakes)))
+            raise InputError(all_of(list(mistakes)))
         if not count:
             raise self._nothing()
         return count
@@ -333,6 +333,7 @@ def _value_at(settings: Mapping[str, Any], key: str) -> Any:
     return "none" if found is None else found
 
 
-def _all_of(mistakes: Sequence[str]) -> str:
+def all_of(mistakes: Sequence[str]) -> str:
+    """One line with the mistakes, at most `MOST_TOLD` of them."""
     more = f"; and {len(mistakes) - MOST_TOLD} more mistakes" if len(mistakes) > MOST_TOLD else ""
     return "; ".join(mistakes[:MOST_TOLD]) + more

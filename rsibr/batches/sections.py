@@ -25,7 +25,7 @@ from rsibr.scene.plugin import require_files
 from rsibr.scene.presets import preset_file
 from rsibr.scene.xml_files import XmlFiles
 
-_PLACEHOLDERS: Mapping[str, dict[str, Any]] = {
+PLACEHOLDERS: Mapping[str, dict[str, Any]] = {
     "environment": {"emitter": {"type": "constant"}},
     "material": {"preset": "matte-lambert"},
 }
@@ -73,12 +73,12 @@ class Sections:
         self._every = tuple(dict.fromkeys(self._groups.values()))
         unknown = {name: table for name, table in base.items() if name not in self._groups}
         if unknown:
-            parse_config({**_PLACEHOLDERS, **unknown}, folder, where=base_where)  # raises, with the nearest known key
+            parse_config({**PLACEHOLDERS, **unknown}, folder, where=base_where)  # raises, with the nearest known key
 
     def require_key(self, key: str, place: str) -> None:
         """Raise an InputError with the nearest known key, if the first part of `key` is no section."""
         if key.partition(".")[0] not in self._groups:
-            parse_config(with_values(_PLACEHOLDERS, {key: None}), self._folder, where=f"{self._where}, {place}")
+            parse_config(with_values(PLACEHOLDERS, {key: None}), self._folder, where=f"{self._where}, {place}")
 
     @property
     def checked(self) -> int:
@@ -105,7 +105,7 @@ class Sections:
         places = " with ".join(value.place for value in values)
         where = f"{self._where}, {places}" if values else self._base_where
         own = {name: self._base[name] for name in group if name in self._base}
-        others = {name: table for name, table in _PLACEHOLDERS.items() if name not in group}
+        others = {name: table for name, table in PLACEHOLDERS.items() if name not in group}
         try:
             ordered = sorted(values, key=lambda value: value.key not in SHORT_FORMS)  # a whole table, then its keys
             tables = with_values(own, {value.key: value.setting for value in ordered})
@@ -203,7 +203,7 @@ def view_count(views: ViewsConfig) -> int:
         If the file of views is no JSON with directions.
     """
     if views.file is None:
-        return 10 * 4**views.level + 2
+        return 10 * (1 << 2 * views.level) + 2
     where = str(views.file)
     try:
         count: int = len(json.loads(read_regular(views.file))["directions"])
