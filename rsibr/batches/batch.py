@@ -17,7 +17,7 @@ from rsibr.batches.forecast.kinds import Census
 from rsibr.batches.index import write_index
 from rsibr.batches.job import RESULTS_NAME, Job
 from rsibr.batches.matrix import MOST_TOLD, Matrix, shard_bounds
-from rsibr.batches.report import BatchReport, Outcome, document_of
+from rsibr.batches.report import BatchReport, Tally, document_of
 from rsibr.batches.resume import MANIFEST, DoneJobs
 from rsibr.errors import BakeError, InputError
 from rsibr.job_size import JobSize
@@ -219,15 +219,15 @@ class _Work:
 
     def report(self, found: ForecastRecord) -> BatchReport:
         """Read the results; of a whole batch write the index and the gallery, which a shard leaves to the last."""
-        outcome = Outcome.of(self.out, self._jobs(), self._command)
+        tally = Tally.of(self.out, self._jobs(), self._command)
         index = write_index(self.out) if self.shard is None else None
         document = document_of(
             self.config.title,
             self.out,
-            "failed" if outcome.failed else "done",
+            "failed" if tally.failed else "done",
             jobs=self._count,
             already_done=self._already_done,
-            outcome=outcome,
+            tally=tally,
             found=found if self.remaining else None,
             index=index,
             seconds=self._seconds,

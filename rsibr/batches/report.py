@@ -40,7 +40,7 @@ class BatchReport:
 
 
 @dataclass
-class Outcome:
+class Tally:
     """Sums over the results of the jobs that were asked for."""
 
     done: int = 0
@@ -49,7 +49,7 @@ class Outcome:
     failed: tuple[FailedRecord, ...] = ()
 
     @classmethod
-    def of(cls, out: Path, jobs: Iterable[Job], command: Sequence[str]) -> Outcome:
+    def of(cls, out: Path, jobs: Iterable[Job], command: Sequence[str]) -> Tally:
         """Read the result of each job; `command` repeats the batch, without a choice of jobs, or is empty."""
         found, failed = cls(), list[FailedRecord]()
         for job in jobs:
@@ -84,14 +84,14 @@ def document_of(
     *,
     jobs: int,
     already_done: int = 0,
-    outcome: Outcome | None = None,
+    tally: Tally | None = None,
     found: ForecastRecord | None = None,
     index: Index | None = None,
     gallery: Path | None = None,
     seconds: float,
 ) -> BatchDocument:
     """Document of a batch; what did not happen stays empty."""
-    outcome = outcome or Outcome()
+    tally = tally or Tally()
     return BatchDocument(
         schema=1,
         batch=title,
@@ -99,12 +99,12 @@ def document_of(
         state=state,
         jobs=jobs,
         already_done=already_done,
-        done=outcome.done,
-        failed=list(outcome.failed),
+        done=tally.done,
+        failed=list(tally.failed),
         forecast=found,
         seconds=seconds,
-        processor_seconds=outcome.seconds,
-        bytes=outcome.bytes,
+        processor_seconds=tally.seconds,
+        bytes=tally.bytes,
         index=[str(path) for path in index.files] if index else [],
         gallery=None if gallery is None else str(gallery),
         damaged=[str(path) for path in index.damaged] if index else [],
