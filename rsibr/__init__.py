@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from rsibr.version import __version__
 
 if TYPE_CHECKING:
+    from rsibr.batches.batch import batch as batch
     from rsibr.budget.bake import bake as bake
     from rsibr.budget.bake import plan as plan
     from rsibr.lobes.albedo import node_cosines as node_cosines
@@ -50,6 +51,7 @@ _HOME = {
     "MethodSet": "rsibr.methods.method_set",
     "PointwiseMethod": "rsibr.methods.protocol",
     "bake": "rsibr.budget.bake",
+    "batch": "rsibr.batches.batch",
     "check": "rsibr.validation.health.check",
     "compare": "rsibr.studies.compare.runner",
     "configs": "rsibr.resources",
@@ -85,6 +87,7 @@ __all__ = [
     "PointwiseMethod",
     "__version__",
     "bake",
+    "batch",
     "check",
     "compare",
     "configs",

@@ -113,6 +113,13 @@ class RunConfig(_Section):
     workers: int | None = Field(default=None, ge=1, le=100_000)
     scheduler: str | None = None
 
+    def changed(self, *, executor: str | None = None, scheduler: str | None = None) -> RunConfig:
+        """Return the config with another executor or scheduler, where given; a scheduler means Dask."""
+        if scheduler is not None and executor is None:
+            executor = "dask"
+        given = {"executor": executor, "scheduler": scheduler}
+        return self.model_copy(update={name: value for name, value in given.items() if value is not None})
+
 
 class BatchFile(_Section):
     """Tables of a batch file.

@@ -9,6 +9,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from rsibr.cli.bake import bake
+from rsibr.cli.batch import batch
 from rsibr.cli.check import check
 from rsibr.cli.compare import compare
 from rsibr.cli.demo import demo
@@ -29,7 +30,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (demo, doctor, plan, bake, check, reconstruct, render, validate, study, compare):
+for command in (demo, doctor, plan, bake, check, reconstruct, render, validate, study, compare, batch):
     app.command()(command)
 
 
