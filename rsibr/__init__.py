@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from rsibr.methods.reconstruction import reconstruct as reconstruct
     from rsibr.methods.registry import method_names as method_names
     from rsibr.methods.registry import register as register
+    from rsibr.publishing.publish import publish as publish
     from rsibr.resources import configs as configs
     from rsibr.scene.config import load_config as load_config
     from rsibr.shading.integrator import register_plugins as register_plugins
@@ -60,6 +61,7 @@ _HOME = {
     "node_cosines": "rsibr.lobes.albedo",
     "open_bake": "rsibr.store.bake",
     "plan": "rsibr.budget.bake",
+    "publish": "rsibr.publishing.publish",
     "reconstruct": "rsibr.methods.reconstruction",
     "register": "rsibr.methods.registry",
     "register_plugins": "rsibr.shading.integrator",
@@ -99,6 +101,7 @@ __all__ = [
     "pictures",
     "plan",
     "plots",
+    "publish",
     "reconstruct",
     "register",
     "register_plugins",
