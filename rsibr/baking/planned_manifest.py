@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rsibr.baking.finished import DECISIVE, SOURCE, baking_code, package_versions
 from rsibr.baking.lobe_record import lobe_record
+from rsibr.baking.processor import processor
 from rsibr.baking.scene import Scene
 from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.planning.plan import Plan
@@ -30,6 +31,7 @@ def plan_manifest(
             "packages": {name: packages[name] for name in DECISIVE},
             SOURCE: baking_code(),
             "variant": scene.variant,
+            "processor": processor(scene.variant),
             "blocks": sampling.identity,
             "plan": {"grey": plan.grey, "light_samples": plan.light_samples, "left_out": list(plan.left_out)},
             "lobe_views": {lobe.name: lobe.own_views for lobe in plan.lobes if lobe.own_views is not None},

@@ -15,6 +15,7 @@ from rsibr.cli.compare import compare
 from rsibr.cli.demo import demo
 from rsibr.cli.doctor import doctor
 from rsibr.cli.ending import run
+from rsibr.cli.pack import pack
 from rsibr.cli.plan import plan
 from rsibr.cli.publish import publish
 from rsibr.cli.reconstruct import reconstruct
@@ -31,7 +32,22 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (demo, doctor, plan, bake, check, reconstruct, render, publish, validate, study, compare, batch):
+_COMMANDS = (
+    demo,
+    doctor,
+    plan,
+    bake,
+    batch,
+    pack,
+    check,
+    reconstruct,
+    render,
+    publish,
+    validate,
+    study,
+    compare,
+)
+for command in _COMMANDS:
     app.command()(command)
 
 
