@@ -9,9 +9,10 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 
-import psutil
+import psutil  # comes with Dask
 import pytest
 
 from rsibr.batches.config import RunConfig
@@ -68,8 +69,12 @@ class Told:
 
 def workers_of(pid: int | None = None) -> list[psutil.Process]:
     """Worker processes below a process: of `processes`, or of a Dask cluster on this machine."""
-    found = psutil.Process(pid).children(recursive=True)
-    return [one for one in found if {"worker_main", "spawn_main"} & set(" ".join(one.cmdline()).replace(".", " ").replace("(", " ").split())]
+    found = []
+    for one in psutil.Process(pid).children(recursive=True):
+        with suppress(psutil.NoSuchProcess):
+            if any(name in " ".join(one.cmdline()) for name in ("worker_main", "spawn_main")):
+                found.append(one)
+    return found
 
 
 def kill_one() -> None:
@@ -107,9 +112,12 @@ class Coordinator:
         self.process.wait(30)
         psutil.wait_procs(workers, timeout=30)
         assert not any(one.is_running() for one in workers)
+        self.close()
+        return time.monotonic() - begun
+
+    def close(self) -> None:
         self.process.stdout.close()
         self.process.stderr.close()
-        return time.monotonic() - begun
 
 
 @pytest.fixture(scope="module")
@@ -246,7 +254,7 @@ def test_a_job_that_ends_the_process_of_a_serial_batch_ends_only_itself_at_the_n
     first = Coordinator(jobs, out, SERIAL)
     first.until("Finished")
     assert first.process.wait(60) == 7
-    first.end(0)
+    first.close()
     told = Told()
     ran = run_jobs(jobs, out, SERIAL, told)
     assert (ran.done, ran.failed) == (2, 1)

@@ -237,7 +237,7 @@ class _Feed:
 
     def _where(self, task: Task) -> dict[str, Any]:
         """Keywords of `submit` for the workers that a task should run on; none where any will do."""
-        kept = [one for one in self._workers if _short(one) != task.avoid and not self._ledger.is_set_aside(_short(one))]
+        kept = [one for one in self._workers if _short(one) != task.avoid and not self._ledger.rests(_short(one))]
         some = kept and len(kept) < len(self._workers)
         return {"workers": kept, "allow_other_workers": True} if some else {}
 
