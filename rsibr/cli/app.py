@@ -15,6 +15,7 @@ from rsibr.cli.compare import compare
 from rsibr.cli.demo import demo
 from rsibr.cli.doctor import doctor
 from rsibr.cli.ending import run
+from rsibr.cli.pack import pack
 from rsibr.cli.plan import plan
 from rsibr.cli.reconstruct import reconstruct
 from rsibr.cli.render import render
@@ -30,7 +31,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (demo, doctor, plan, bake, check, reconstruct, render, validate, study, compare, batch):
+for command in (demo, doctor, plan, bake, pack, check, reconstruct, render, validate, study, compare, batch):
     app.command()(command)
 
 
