@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import drjit as dr
 import mitsuba as mi
@@ -56,6 +57,11 @@ class Lobe:
     albedo: NDArray[np.float64]
     shape: LobeShape
     proxy: ProxyLobe | None = None
+
+    @property
+    def kind(self) -> Literal["diffuse", "glossy", "mirror"]:
+        """What the lobe follows: the normal, the mirror direction with a width, or the mirror direction exactly."""
+        return "mirror" if self.is_mirror else "diffuse" if self.is_diffuse else "glossy"
 
     @property
     def is_mirror(self) -> bool:
