@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from rsibr.methods.reconstruction import reconstruct as reconstruct
     from rsibr.methods.registry import method_names as method_names
     from rsibr.methods.registry import register as register
+    from rsibr.publishing.publish import publish as publish
     from rsibr.resources import configs as configs
     from rsibr.scene.config import load_config as load_config
     from rsibr.shading.integrator import register_plugins as register_plugins
@@ -62,6 +63,7 @@ _HOME = {
     "open_bake": "rsibr.store.bake",
     "pack": "rsibr.store.pack",
     "plan": "rsibr.budget.bake",
+    "publish": "rsibr.publishing.publish",
     "reconstruct": "rsibr.methods.reconstruction",
     "register": "rsibr.methods.registry",
     "register_plugins": "rsibr.shading.integrator",
@@ -102,6 +104,7 @@ __all__ = [
     "pictures",
     "plan",
     "plots",
+    "publish",
     "reconstruct",
     "register",
     "register_plugins",

@@ -344,6 +344,8 @@ def _signed(parts: list[_Part]) -> list[_Part]:
     with suppress(Exception):
         images = {p["name"]: next(iter(p["channels"].values())) for p in parts}
         coverage, variance = images.pop("coverage"), images.pop("variance", None)
+        if len(images) > 1:
+            images.pop("radiance", None)  # the sum of the layers
         view, frame = (np.array(parts[0]["header"][f"rsibr:{key}"], np.float64) for key in ("view", "frame"))
         digest = map_digest(MapFile(view, frame, images, variance, coverage))
         for part in parts:

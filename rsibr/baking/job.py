@@ -14,6 +14,7 @@ from rsibr.baking.scene import Scene
 from rsibr.job_size import LARGE_BYTES, JobSize
 from rsibr.planning.costs import Costs, priced
 from rsibr.store.manifest import MAPS_NAME, SamplingRecord
+from rsibr.store.map_file import map_channels
 
 LIGHT_BYTES = 16 * 2**20
 """Upper bound on the file of the environment without an image of its own."""
@@ -45,7 +46,7 @@ def disk_and_memory(scene: Scene, out: Path) -> JobSize:
     """
     integrator, views = scene.integrator, len(scene.viewpoints)
     lobes = len(integrator.lobe_names)
-    raw = 4 * integrator.coverage.size * (3 * lobes + 4)
+    raw = 4 * integrator.coverage.size * map_channels(lobes)
     size = map_bytes(integrator) if views * raw >= LARGE_BYTES else round(NOISY_SHARE * raw)
     costs = Costs(len(scene.all_around), lobes, 0.0, size)
     planned = LIGHT_BYTES + (priced(scene.plan, costs, scene.config.map.side).bytes or 0)
@@ -66,8 +67,8 @@ def bake_memory(integrator: SphereIntegrator, samples: int) -> int:
 
 
 def map_memory(texels: int, lobes: int) -> int:
-    """Memory to make and encode one map [bytes]: its layers, variance and coverage, as arrays and as a file."""
-    return 3 * 4 * texels * (3 * lobes + 4)
+    """Memory to make and encode one map [bytes]: layers, sum, variance and coverage, as arrays and as a file."""
+    return 3 * 4 * texels * map_channels(lobes)
 
 
 def with_time(job: JobSize, scene: Scene, sampling: SamplingRecord, views: int) -> JobSize:

@@ -10,6 +10,7 @@ from itertools import islice
 from pathlib import Path
 
 from rsibr.batches.config import BatchConfig, RunConfig, load_batch, parse_batch
+from rsibr.batches.coordinator import run_jobs
 from rsibr.batches.document import ForecastRecord
 from rsibr.batches.events import Event
 from rsibr.batches.forecast.forecast import forecast
@@ -22,7 +23,6 @@ from rsibr.batches.resume import MANIFEST, DoneJobs
 from rsibr.errors import BakeError, InputError
 from rsibr.job_size import JobSize
 from rsibr.progress import Progress
-from rsibr.store.atomic import unwritable
 
 
 def batch(
@@ -208,14 +208,8 @@ class _Work:
 
     def run(self, on_event: Callable[[Event], None]) -> None:
         """Run what is not done."""
-        from rsibr.batches.executors.registry import executor  # noqa: PLC0415  # loads Mitsuba
-
-        try:
-            self.out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise unwritable(self.out, error) from error
         pending = (job for job in self._jobs() if not self._done.has(job))
-        executor(self.settings.executor).run(pending, self.out, self.settings, on_event)
+        run_jobs(pending, self.out, self.settings, on_event, shard=self.shard)
 
     def report(self, found: ForecastRecord) -> BatchReport:
         """Read the results; of a whole batch write the index and the gallery, which a shard leaves to the last."""

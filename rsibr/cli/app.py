@@ -17,6 +17,7 @@ from rsibr.cli.doctor import doctor
 from rsibr.cli.ending import run
 from rsibr.cli.pack import pack
 from rsibr.cli.plan import plan
+from rsibr.cli.publish import publish
 from rsibr.cli.reconstruct import reconstruct
 from rsibr.cli.render import render
 from rsibr.cli.study import study
@@ -31,7 +32,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (demo, doctor, plan, bake, pack, check, reconstruct, render, validate, study, compare, batch):
+for command in (demo, doctor, plan, bake, pack, check, reconstruct, render, publish, validate, study, compare, batch):
     app.command()(command)
 
 

@@ -1,4 +1,4 @@
-"""Method of a user's own, given by the address of its code: `package.module:Class` or `path/to/file.py:Class`."""
+"""Method or format of a user's own, by the address of its code: `package.module:Name` or `path/to/file.py:Name`."""
 
 from __future__ import annotations
 
@@ -14,32 +14,34 @@ from rsibr.scene.fresh_import import imported_afresh
 
 
 def is_address(name: str) -> bool:
-    """Whether a method's name is the address of its code."""
+    """Whether a name is the address of code."""
     return ":" in name
 
 
-def code_at(address: str) -> Callable[..., Any]:
-    """Import what makes the method: a class, or a function that takes `MethodInputs` and returns a `Method`.
+def code_at(address: str, kind: str = "method") -> Callable[..., Any]:
+    """Import what makes a method, a class or a function that takes `MethodInputs`; or a format.
 
     Parameters
     ----------
     address : str
         `package.module:Class` or `path/to/file.py:Class`; modules are also found in the working folder. Imported once.
+    kind : str
+        What it is the address of, for errors.
 
     Raises
     ------
     InputError
         If there is no such module or file, it raises an error, or it has nothing callable of that name.
     """
-    return _code_at(address, str(Path.cwd()))
+    return _code_at(address, kind, str(Path.cwd()))
 
 
 @cache
-def _code_at(address: str, folder: str) -> Callable[..., Any]:
-    where = f"method {address}"
+def _code_at(address: str, kind: str, folder: str) -> Callable[..., Any]:
+    where = f"{kind} {address}"
     module, _, name = address.rpartition(":")
     if not module or not name:
-        raise InputError("is no address of a method", where=where, fix="write package.module:Class or file.py:Class")
+        raise InputError(f"is no address of a {kind}", where=where, fix="write package.module:Class or file.py:Class")
     with _findable(folder):
         code = imported_afresh(str(Path(module).resolve()) if module.endswith(".py") else module, where)[0]
     found: Callable[..., Any] | None = getattr(code, name, None)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from rsibr.planning.plan import Effect, Plan
-from rsibr.planning.views import layers_spared, own_views
+from rsibr.planning.views import own_views, parts_spared
 
 _RADIANCE, _VARIANCE, _COVERAGE = 3, 3, 1
-"""Channels of a lobe's layer, of the variance, of the coverage."""
+"""Channels of a lobe's layer and of the sum of several, of the variance, of the coverage."""
 
 
 @dataclass(frozen=True)
@@ -70,12 +70,12 @@ def priced(plan: Plan, costs: Costs, asked_resolution: int) -> Plan:
 
 
 def _whole_bytes(plan: Plan, costs: Costs) -> int:
-    """Bytes of all maps, without the layers that some views omit."""
-    return _baked(plan, costs) * costs.bytes - _layers_bytes(_layers_left_out(plan, costs), costs)
+    """Bytes of all maps, without the parts that some views omit."""
+    return _baked(plan, costs) * costs.bytes - _parts_bytes(_parts_left_out(plan, costs), costs)
 
 
-def _layers_left_out(plan: Plan, costs: Costs) -> int:
-    return layers_spared([lobe.own_views or costs.views for lobe in plan.lobes], costs.views)
+def _parts_left_out(plan: Plan, costs: Costs) -> int:
+    return parts_spared([lobe.own_views or costs.views for lobe in plan.lobes], costs.views)
 
 
 def _baked(plan: Plan, costs: Costs) -> int:
@@ -90,7 +90,7 @@ def _priced(effect: Effect, plan: Plan, costs: Costs, asked: int) -> Effect:
     whole = views * costs.seconds, _whole_bytes(plan, costs)
     match effect.name:
         case "view_dependence":
-            left_out = _layers_bytes(_layers_left_out(plan, costs), costs)
+            left_out = _parts_bytes(_parts_left_out(plan, costs), costs)
             seconds, size = (costs.views - 1) * costs.seconds, (costs.views - 1) * costs.bytes - left_out
         case "diffuse" | "glossy" | "clear_coat" | "mirror":
             if not effect.on and effect.forced is None:
@@ -99,8 +99,8 @@ def _priced(effect: Effect, plan: Plan, costs: Costs, asked: int) -> Effect:
         case "lobe_views":
             if not effect.threshold:
                 return effect  # all views have the same layers
-            fewest = layers_spared(own_views(plan.lobes, int(effect.threshold)), costs.views)
-            seconds, size = 0.0, _layers_bytes(fewest if effect.on else _layers_left_out(plan, costs), costs)
+            fewest = parts_spared(own_views(plan.lobes, int(effect.threshold)), costs.views)
+            seconds, size = 0.0, _parts_bytes(fewest if effect.on else _parts_left_out(plan, costs), costs)
         case "colour":
             seconds, size = _apart(effect.on, costs, costs.other_colour), _of_colour(costs)
         case "light_sampling":
@@ -123,7 +123,8 @@ def _of_a_lobe(plan: Plan, costs: Costs) -> tuple[float | None, int | None]:
     if costs.lobes == 1 and not plan.left_out:
         return costs.views * costs.seconds, costs.views * costs.bytes
     apart = _apart(True, costs, costs.one_lobe)
-    size = _layers_bytes(costs.views, costs) - _layers_bytes(_layers_left_out(plan, costs), costs) // costs.lobes
+    own = 2 if costs.lobes == 2 else 1  # the last lobe but one takes the sum with it
+    size = _parts_bytes(own * costs.views, costs) - _parts_bytes(_parts_left_out(plan, costs), costs) // costs.lobes
     return None if apart is None else apart / max(costs.lobes - 1, 1), size
 
 
@@ -134,9 +135,10 @@ def _of_colour(costs: Costs) -> int | None:
     return costs.views * abs(costs.other_colour_bytes - costs.bytes)
 
 
-def _layers_bytes(layers: int, costs: Costs) -> int:
-    """Bytes of a number of layers, if all channels compress equally."""
-    return round(layers * costs.bytes * _RADIANCE / (costs.lobes * _RADIANCE + _VARIANCE + _COVERAGE))
+def _parts_bytes(parts: int, costs: Costs) -> int:
+    """Bytes of a number of layers or sums, if all channels compress equally; several layers come with a sum."""
+    radiance = _RADIANCE * (costs.lobes + (costs.lobes > 1))
+    return round(parts * costs.bytes * _RADIANCE / (radiance + _VARIANCE + _COVERAGE))
 
 
 def _apart(is_on: bool, costs: Costs, other: float | None) -> float | None:

@@ -67,9 +67,19 @@ def own_views(lobes: Sequence[LobePlan], most: int) -> list[int]:
     return [max(number, second) for number in needed]
 
 
-def layers_spared(own: Sequence[int], count: int) -> int:
-    """Layers saved in `count` maps, compared with a layer for each lobe in every map; `own` from `own_views`."""
-    return sum(count - number for number in sorted(own)[1:])
+def parts_spared(own: Sequence[int], count: int) -> int:
+    """Parts saved in `count` maps, compared with a layer for each lobe and their sum in every map.
+
+    Parameters
+    ----------
+    own : sequence of int
+        Views that store each lobe apart, from `own_views`.
+    count : int
+        Number of views.
+    """
+    layers = sum(count - number for number in sorted(own)[1:])
+    sums = count - max(own) if len(own) > 1 else 0  # a map of one layer needs no sum
+    return layers + sums
 
 
 def _why_all_alike(lobes: tuple[LobePlan, ...], views: ViewsConfig, settings: EffectsConfig, fewer: int) -> str:

@@ -8,10 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rsibr.store.manifest import LobeRecord
-from rsibr.store.map_file import MapFile
-
-WHOLE = "radiance"
-"""Name of the only layer of a map without separate lobes."""
+from rsibr.store.map_file import WHOLE, MapFile
 
 REST = "rest"
 """Name of the layer that holds the sum of the lobes without a layer of their own, if others have one."""

@@ -12,6 +12,9 @@ Parts, in this order, by name:
 - `delta`: lights without extent, one a column, if there are any: in the first row the unit direction to each (x, y, z
   in R, G, B), in the second its irradiance [W m⁻²];
 - `ratio.NAME`: with such lights, for each lobe the ratio to its proxy, see `rsibr.lobes.proxy_ratio`.
+
+Every picture of the sphere says how it is laid out: `rsibr:projection` (`octahedral` or `latlong`) and
+`rsibr:orientation`, in words; `image` has OpenEXR's own attribute `envmap` besides.
 """
 
 from __future__ import annotations
@@ -35,6 +38,27 @@ from rsibr.store.map_file import FRAME_KEY, REC709
 _PICTURE, _IMAGE, _LEVEL, _IRRADIANCE, _DELTA = "light", "image", "level.", "irradiance.", "delta"
 _RATIO = "ratio."
 _WIDTH_KEY, _WEIGHTS_KEY = "rsibr:width", "rsibr:weights"
+
+OCTAHEDRAL: dict[str, Any] = {
+    "rsibr:projection": "octahedral",
+    "rsibr:orientation": (
+        "world right-handed, +Y up; column i of R at x = 2(i+0.5)/R - 1, row j at y = 2(j+0.5)/R - 1, "
+        "z = 1 - |x| - |y|; where z < 0, (x, y) = (sign(x)(1 - |y|), sign(y)(1 - |x|)); the direction is (x, y, z) "
+        "normalised: +Z in the middle, -Z at the corners, -Y at the top"
+    ),
+}
+"""Attributes of an octahedral picture."""
+
+LATLONG: dict[str, Any] = {
+    "envmap": OpenEXR.ENVMAP_LATLONG,
+    "rsibr:projection": "latlong",
+    "rsibr:orientation": (
+        "in the axes of rsibr:frame, right-handed, +Y up; column i of W at u = (i+0.5)/W, row j of H at v = j/(H-1) "
+        "from +Y to -Y; u = 0, 1/4, 1/2, 3/4 are -Z, +X, +Z, -X. OpenEXR's envmap has its columns at u = i/(W-1) "
+        "instead: half a texel at the edges"
+    ),
+}
+"""Attributes of a latitude–longitude picture in Mitsuba's convention."""
 
 _LARGEST_SIDE = 2**15
 _FRAME_TOLERANCE = 1e-5  # the header is float32
@@ -107,16 +131,16 @@ def _check_sizes(headers: list[dict[str, Any]]) -> None:
 
 
 def _images(light: Light) -> _Images:
-    images: _Images = {_PICTURE: (light.picture, {})}
+    images: _Images = {_PICTURE: (light.picture, OCTAHEDRAL)}
     if light.image is not None:
-        images[_IMAGE] = (light.image, {FRAME_KEY: np.ascontiguousarray(light.frame, np.float32)})
+        images[_IMAGE] = (light.image, {**LATLONG, FRAME_KEY: np.ascontiguousarray(light.frame, np.float32)})
     widths = level_widths(len(light.picture))
     for number, level in enumerate(light.levels, 1):
-        images[f"{_LEVEL}{number:02d}"] = (level, {_WIDTH_KEY: float(widths[number])})
+        images[f"{_LEVEL}{number:02d}"] = (level, {**OCTAHEDRAL, _WIDTH_KEY: float(widths[number])})
     for number, map_ in enumerate(light.irradiances):
         weights = np.zeros((3, 3), np.float32)
         weights[:2] = map_.weights
-        images[f"{_IRRADIANCE}{number}"] = (map_.image, {_WEIGHTS_KEY: weights})
+        images[f"{_IRRADIANCE}{number}"] = (map_.image, {**OCTAHEDRAL, _WEIGHTS_KEY: weights})
     if len(light.delta):
         images[_DELTA] = (np.stack([light.delta.directions, light.delta.irradiance]), {})
     images |= {f"{_RATIO}{name}": (table, {}) for name, table in light.proxy_ratios.items()}

@@ -1,9 +1,10 @@
 """Radiance sphere map as a self-describing multi-part OpenEXR file.
 
-One part a lobe (R, G, B), then `variance` (R, G, B), then `coverage` (Y); float32, ZIP; a grey map has Y in place of
-R, G, B. Every part's header holds the view vector (`rsibr:view`, v3f), the frame (`rsibr:frame`, m33f, columns x, y, z
-in world coordinates) and a digest of the pixels of all parts (`rsibr:digest`), because OpenEXR does not raise on a
-truncated file.
+The first part is `radiance`, the whole map (R, G, B), which is what a program that knows nothing of rsibr shows. Of
+several lobes it is the sum, and one part a lobe follows. Then `variance` (R, G, B), then `coverage` (Y); float32, ZIP;
+a grey map has Y in place of R, G, B. Every part's header holds the view vector (`rsibr:view`, v3f), the frame
+(`rsibr:frame`, m33f, columns x, y, z in world coordinates) and a digest of the pixels (`rsibr:digest`), because OpenEXR
+does not raise on a truncated file. The sum is not in the digest: it must equal the sum of the lobes to the bit.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ from rsibr.store.atomic import checksum, read_bytes, write_atomic
 from rsibr.store.exr import open_exr
 
 Image = NDArray[np.float32]
+
+WHOLE = "radiance"
+"""Name of the first part: the only layer of a map, or the sum of several."""
 
 VARIANCE = "variance"
 COVERAGE = "coverage"
@@ -49,7 +53,7 @@ class MapFile:
         Rotation whose columns are x (right), y (up) and z = `view` in world coordinates.
     layers : dict of str to ndarray of float32, shape (N, N, 3)
         Radiance [W sr⁻¹ m⁻²] of each lobe, or of the sum of several (see `rsibr.store.layers`), row 0 at the top, in
-        the order of the file's parts. Image viewers show the first one. Their sum is the map.
+        the order of the file's parts. Their sum is the map. `WHOLE` names a layer that is the only one.
     variance : ndarray of float32, shape (N, N, 3), or None
         Variance of the mean of the summed lobes; None if unknown, as for a reconstructed map.
     coverage : ndarray of float32, shape (N, N)
@@ -78,6 +82,8 @@ class MapFile:
         """Reject what the file format cannot represent."""
         if not self.layers or not all(self.layers) or {VARIANCE, COVERAGE} & set(self.layers):
             raise ValueError(f"layers need names, other than '{VARIANCE}' and '{COVERAGE}': {list(self.layers)}")
+        if self.is_split and WHOLE in self.layers:
+            raise ValueError(f"'{WHOLE}' is the sum of the layers, not one of them: {list(self.layers)}")
         if self.resolution < 1:
             raise ValueError("a map needs at least one texel")
         for name, image in self.parts():
@@ -92,12 +98,17 @@ class MapFile:
         return len(self.coverage)
 
     @property
+    def is_split(self) -> bool:
+        """Whether there are several layers, so that a file holds their sum too."""
+        return len(self.layers) > 1
+
+    @property
     def radiance(self) -> Image:
         """Radiance of the whole material [W sr⁻¹ m⁻²], shape (N, N, 3): the sum of the layers."""
         return np.asarray(np.sum(list(self.layers.values()), axis=0, dtype=np.float32))
 
     def parts(self) -> Iterator[tuple[str, Image]]:
-        """Name and pixels of each part, in the order of the file."""
+        """Name and pixels of each layer, of variance and coverage, in the order of the file."""
         yield from self.layers.items()
         if self.variance is not None:
             yield VARIANCE, self.variance
@@ -155,10 +166,10 @@ def encode_map(map_file: MapFile) -> bytes:
         FRAME_KEY: np.ascontiguousarray(map_file.frame, np.float32),
         DIGEST_KEY: map_digest(map_file),
     }
+    images = {WHOLE: map_file.radiance} if map_file.is_split else {}
+    images |= dict(map_file.parts())
     # OpenEXR ignores the strides of an array: arrays must be contiguous
-    parts = [
-        OpenEXR.Part(dict(header), _channels(name, image, map_file.grey), name) for name, image in map_file.parts()
-    ]
+    parts = [OpenEXR.Part(dict(header), _channels(name, image, map_file.grey), name) for name, image in images.items()]
     stream = io.BytesIO()
     with OpenEXR.File(parts) as file:
         file.write(stream)
@@ -178,7 +189,8 @@ def decode_map(data: bytes, where: str) -> MapFile:
             headers = [dict(part.header) for part in file.parts]
             images = {part.name(): _pixels(part) for part in file.parts}
             grey = all("Y" in part.channels for part in file.parts)
-        map_file = _assemble(headers, images, grey)
+        whole_map = images.pop(WHOLE) if len(images.keys() - {VARIANCE, COVERAGE}) > 1 and WHOLE in images else None
+        map_file = _assemble(headers, images, whole_map, grey)
         whole = _agree(headers) and headers[0][DIGEST_KEY] == map_digest(map_file)
     except KeyError as error:
         raise BakeError(f"is not a whole map of rsibr: {error.args[0]} is missing", where=where) from error
@@ -186,11 +198,13 @@ def decode_map(data: bytes, where: str) -> MapFile:
         raise BakeError("is not an OpenEXR map of rsibr, or is truncated or altered", where=where) from error
     if not whole:
         raise BakeError("is truncated or altered: its pixels do not match its headers", where=where)
+    if whole_map is not None and not np.array_equal(whole_map, map_file.radiance, equal_nan=True):
+        raise BakeError(f"is altered: its part {WHOLE} is not the sum of its lobes", where=where)
     return map_file
 
 
-def _assemble(headers: list[dict[str, Any]], images: dict[str, Image], grey: bool) -> MapFile:
-    if len(images) != len(headers) or not headers:
+def _assemble(headers: list[dict[str, Any]], images: dict[str, Image], whole_map: Image | None, grey: bool) -> MapFile:
+    if len(images) + (whole_map is not None) != len(headers) or not headers:
         raise ValueError("parts are missing or share a name")
     coverage, variance = images.pop(COVERAGE), images.pop(VARIANCE, None)
     view, frame = (np.array(headers[0][key], np.float64) for key in (VIEW_KEY, FRAME_KEY))
@@ -225,8 +239,19 @@ def _pixels(part: Any) -> Image:
     return np.repeat(pixels[..., None], 3, axis=-1) if is_colour else pixels
 
 
+def map_channels(layers: int) -> int:
+    """Channels of a map file of so many layers: the layers, their sum if there are several, variance and coverage.
+
+    Examples
+    --------
+    >>> map_channels(1), map_channels(2)
+    (7, 13)
+    """
+    return 3 * (layers + (layers > 1)) + 3 + 1
+
+
 def map_digest(map_file: MapFile) -> str:
-    """SHA-256 of view, frame and the pixels of all parts, as stored."""
+    """SHA-256 of view, frame and the pixels of layers, variance and coverage, as stored."""
     digest = hashlib.sha256()
     for values in (map_file.view, map_file.frame):
         digest.update(np.asarray(values, "<f4").tobytes())

@@ -14,7 +14,7 @@ from rsibr.geometry.frame import view_frame
 from rsibr.store.exr import open_exr
 from rsibr.store.layers import layers_at
 from rsibr.store.manifest import MAX_RESOLUTION, Manifest
-from rsibr.store.map_file import COVERAGE, FRAME_KEY, VARIANCE, VIEW_KEY, MapFile
+from rsibr.store.map_file import COVERAGE, FRAME_KEY, VARIANCE, VIEW_KEY, WHOLE, MapFile
 
 ANOTHER = "bake the view again with the same `rsibr bake` command, or bake anew with --fresh"
 
@@ -39,7 +39,7 @@ class MapHeader:
     resolution : int
         Texels along each side.
     parts : list of str
-        Names of the parts, in the order of the file.
+        Names of the parts, in the order of the file; without the sum of several layers, which repeats them.
     """
 
     view: NDArray[np.float64]
@@ -80,7 +80,7 @@ def read_header(file: BinaryIO, where: str) -> MapHeader:
         raise BakeError(f"is not an OpenEXR map of rsibr: {error}", where=where) from error
     except (LookupError, RuntimeError, ValueError, TypeError, OSError, AttributeError, MemoryError) as error:
         raise BakeError("is not an OpenEXR map of rsibr, or is truncated or altered", where=where) from error
-    return MapHeader(view, frame, sides.pop(), [name for name, _ in headers])
+    return MapHeader(view, frame, sides.pop(), _without_sum([name for name, _ in headers]))
 
 
 def check_header(header: MapHeader, manifest: Manifest, index: int, where: str) -> None:
@@ -101,6 +101,12 @@ def check_header(header: MapHeader, manifest: Manifest, index: int, where: str) 
     wanted = [*layers_at(manifest.lobes, index), VARIANCE, COVERAGE]
     if header.parts != wanted:
         _refuse(f"has the parts {', '.join(header.parts)}, not {', '.join(wanted)}", where)
+
+
+def _without_sum(parts: list[str]) -> list[str]:
+    """Leave out the sum of several layers, which bakes older than it lack."""
+    is_sum = parts[:1] == [WHOLE] and len(set(parts) - {VARIANCE, COVERAGE}) > 1
+    return parts[1:] if is_sum else parts
 
 
 def _side(name: str, header: dict[str, Any]) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from rsibr.baking.job import LIGHT_BYTES, NOISY_SHARE
 from rsibr.job_size import JobSize
 from rsibr.lobes.fit import MOST_GLOSSY
+from rsibr.store.map_file import map_channels
 from rsibr.studies.agenda import Agenda, BakeSize
 from rsibr.studies.bench import Bench
 from rsibr.studies.rates import view_count
@@ -26,7 +27,7 @@ def study_job(benches: Sequence[Bench], agenda: Agenda, seconds: float) -> JobSi
     missing, keeps = [(bench, size) for bench in benches for size in _missing(bench, agenda)], _keeps(benches)
     texels = [view_count(bench.scene, size) * size.resolution**2 for bench, size in missing]
     lobes = [len(bench.scene.lobe_names) if keeps else MOST_LOBES for bench, _ in missing]
-    sizes = [LIGHT_BYTES + NOISY_SHARE * 4 * count * (3 * k + 4) for count, k in zip(texels, lobes, strict=True)]
+    sizes = [LIGHT_BYTES + NOISY_SHARE * 4 * count * map_channels(k) for count, k in zip(texels, lobes, strict=True)]
     disk = sum(sizes) if keeps else max(sizes, default=0)
     name = f"study of {len(missing)} bake{'s' * (len(missing) != 1)}"
     return JobSize(name, disk=round(disk), memory=PREPARED_BYTES * max(texels, default=0), seconds=seconds)

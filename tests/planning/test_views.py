@@ -5,7 +5,7 @@ import pytest
 
 from rsibr.geometry.viewpoints import VIEW_COUNTS
 from rsibr.planning.plan import LobePlan
-from rsibr.planning.views import layers_spared, lobe_views, own_views
+from rsibr.planning.views import lobe_views, own_views, parts_spared
 from rsibr.scene.config import EffectsConfig, ViewsConfig
 
 
@@ -91,10 +91,10 @@ def test_views_of_ones_own_are_not_nested(tmp_path):
 
 
 def test_what_is_spared_is_what_is_added_up(rng):
-    """Against a count of the layers, view by view."""
+    """Against a count of the layers and sums, view by view."""
     for _ in range(50):
         count = int(rng.choice(VIEW_COUNTS[:4]))
         own = own_views(lobes(*rng.choice((0, *VIEW_COUNTS), size=rng.integers(2, 6)).tolist()), count)
         done = (np.array(own)[:, None] <= np.arange(count)).sum(axis=0)
-        assert layers_spared(own, count) == np.maximum(done - 1, 0).sum()
+        assert parts_spared(own, count) == np.maximum(done - 1, 0).sum() + (done == len(own)).sum()
         assert 1 not in done  # one alone is added to nothing

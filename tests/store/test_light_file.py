@@ -12,6 +12,8 @@ import pytest
 from rsibr.baking import view
 from rsibr.baking.baker import bake
 from rsibr.errors import BakeError
+from rsibr.geometry.projections import octahedral, sphere_image
+from rsibr.geometry.projections.latlong import MITSUBA
 from rsibr.light.delta_lights import DeltaLights
 from rsibr.light.environment_pyramid import EnvironmentPyramid, level_widths
 from rsibr.light.irradiance import irradiance_map
@@ -275,3 +277,31 @@ def test_an_even_or_black_environment_has_its_light(tmp_path, radiance):
     made = bake(config, out=tmp_path / "even.rsibr")
     assert made.light.picture.shape == (512, 512, 3)
     assert np.array_equal(np.unique(made.light.picture), [radiance])
+
+
+def test_the_header_says_how_each_picture_is_laid_out():
+    with OpenEXR.File(io.BytesIO(encode_light(light(with_image=True, with_tables=True)))) as file:
+        headers = {part.name(): dict(part.header) for part in file.parts}
+    assert headers["image"]["envmap"] == OpenEXR.ENVMAP_LATLONG
+    assert headers["image"]["rsibr:projection"] == "latlong"
+    others = [header for name, header in headers.items() if name != "image"]
+    assert len(others) > 3
+    for header in others:
+        assert header["rsibr:projection"] == "octahedral"
+        assert "envmap" not in header
+    assert "+Z in the middle, -Z at the corners, -Y at the top" in headers["light"]["rsibr:orientation"]
+    assert "u = 0, 1/4, 1/2, 3/4 are -Z, +X, +Z, -X" in headers["image"]["rsibr:orientation"]
+
+
+def test_directions_lie_where_the_header_says():
+    """Five texels of an odd octahedral picture, and four columns of a latitude–longitude one, by their directions."""
+    size = 33
+    d = np.array(octahedral.texel_directions(size)).T.reshape(size, size, 3)
+    middle = size // 2
+    places = {(middle, middle): (0, 0, 1), (0, 0): (0, 0, -1), (0, middle): (0, -1, 0), (middle, -1): (1, 0, 0)}
+    for (row, column), expected in places.items():
+        np.testing.assert_allclose(d[row, column], expected, atol=0.1)
+    d = np.array(sphere_image.texel_directions(MITSUBA, (5, 64))).T.reshape(5, 64, 3)
+    for column, expected in zip((0, 16, 32, 48), ((0, 0, -1), (1, 0, 0), (0, 0, 1), (-1, 0, 0)), strict=True):
+        np.testing.assert_allclose(d[2, column], expected, atol=0.06)
+    np.testing.assert_allclose(d[0, 7], (0, 1, 0), atol=1e-6)

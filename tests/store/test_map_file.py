@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import struct
 from pathlib import Path
@@ -14,7 +15,7 @@ import pytest
 
 from rsibr import backend
 from rsibr.errors import BakeError, MachineError
-from rsibr.store.map_file import MapFile, encode_map, read_map, write_map
+from rsibr.store.map_file import MapFile, decode_map, encode_map, map_channels, read_map, write_map
 
 N = 24
 # A rotation without symmetry, so that a transposed or reordered frame cannot pass: Rodrigues' formula about (1, 2, 3).
@@ -43,13 +44,13 @@ def bits(map_file: MapFile) -> dict[str, bytes]:
 
 
 def test_round_trip_keeps_every_bit(tmp_path):
-    stored = sphere_map(lobes=("radiance", "clear coat"))
+    stored = sphere_map(lobes=("base", "clear coat"))
     hard = np.float32([1e5, 1e30, -1e30, 1e-30, -1e-30, 1e-42, 0.0, -0.0, 65504.0, 65520.0, np.inf, -np.inf, np.nan])
-    stored.layers["radiance"][0, : len(hard), 1] = hard
+    stored.layers["base"][0, : len(hard), 1] = hard
     stored.variance.view(np.uint32)[3, 4, 2] = 0x7F812345  # a signalling NaN with a payload
     write_map(tmp_path / "a.exr", stored)
     found = read_map(tmp_path / "a.exr")
-    assert list(found.layers) == ["radiance", "clear coat"]
+    assert list(found.layers) == ["base", "clear coat"]
     assert bits(found) == bits(stored)
     assert found.resolution == N
     np.testing.assert_array_equal(found.view, np.float32(stored.view))
@@ -64,18 +65,19 @@ def test_a_sliced_array_is_written_as_it_reads(tmp_path):
 
 
 def test_headers_tell_a_plain_reader_everything(tmp_path):
-    stored = sphere_map(lobes=("radiance", "coat"))
+    stored = sphere_map(lobes=("base", "coat"))
     write_map(tmp_path / "a.exr", stored)
     with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
-        assert [part.name() for part in file.parts] == ["radiance", "coat", "variance", "coverage"]
-        assert [sorted(part.channels) for part in file.parts] == [["B", "G", "R"]] * 3 + [["Y"]]
+        assert [part.name() for part in file.parts] == ["radiance", "base", "coat", "variance", "coverage"]
+        assert [sorted(part.channels) for part in file.parts] == [["B", "G", "R"]] * 4 + [["Y"]]
         for part in file.parts:
             assert part.compression() == OpenEXR.ZIP_COMPRESSION
             assert part.type() == OpenEXR.scanlineimage
             assert {channel.pixels.dtype for channel in part.channels.values()} == {np.dtype(np.float32)}
             np.testing.assert_array_equal(part.header["rsibr:view"], np.float32(stored.view))
             np.testing.assert_array_equal(part.header["rsibr:frame"], np.float32(stored.frame))
-        np.testing.assert_array_equal(file.parts[0].channels["G"].pixels, stored.layers["radiance"][..., 1])
+        np.testing.assert_array_equal(file.parts[0].channels["G"].pixels, stored.radiance[..., 1])
+        np.testing.assert_array_equal(file.parts[1].channels["G"].pixels, stored.layers["base"][..., 1])
 
 
 def test_the_frame_lies_row_by_row_in_the_file():
@@ -96,6 +98,50 @@ def test_mitsuba_shows_the_first_part_upright(tmp_path, variance):
     assert bitmap.component_format() == mi.Struct.Type.Float32
     np.testing.assert_array_equal(np.array(bitmap), stored.layers["radiance"])
     assert (read_map(tmp_path / "a.exr").variance is not None) == variance
+
+
+def repacked(data: bytes, change) -> bytes:
+    """The file with its parts changed in place."""
+    with OpenEXR.File(io.BytesIO(data)) as file:
+        parts = [
+            OpenEXR.Part(dict(p.header), {k: c.pixels for k, c in p.channels.items()}, p.name()) for p in file.parts
+        ]
+        change(parts)
+        stream = io.BytesIO()
+        with OpenEXR.File(parts) as changed:
+            changed.write(stream)
+    return stream.getvalue()
+
+
+def test_the_first_part_is_the_sum_that_any_program_shows(tmp_path):
+    backend.use()
+    stored = sphere_map(lobes=("base", "coat", "flakes"))
+    write_map(tmp_path / "a.exr", stored)
+    np.testing.assert_array_equal(np.array(mi.Bitmap(str(tmp_path / "a.exr"))), stored.radiance)
+    expected = np.sum([image.astype(np.float64) for image in stored.layers.values()], axis=0)
+    np.testing.assert_allclose(stored.radiance, expected, rtol=1e-6)
+
+
+def test_a_sum_that_is_not_that_of_the_lobes_is_refused():
+    def brighter(parts: list[OpenEXR.Part]) -> None:
+        parts[0].channels["RGB"].pixels[3, 4, 1] *= np.float32(1.001)
+
+    data = repacked(encode_map(sphere_map(lobes=("base", "coat"))), brighter)
+    with pytest.raises(BakeError, match="radiance is not the sum of its lobes"):
+        decode_map(data, "x.exr")
+
+
+def test_a_map_without_a_sum_as_older_bakes_have_it_is_read():
+    stored = sphere_map(lobes=("base", "coat"))
+    found = decode_map(repacked(encode_map(stored), lambda parts: parts.pop(0)), "x.exr")
+    assert bits(found) == bits(stored)
+
+
+def test_the_number_of_channels_is_that_of_the_file():
+    for count in (1, 2, 5):
+        data = encode_map(sphere_map(lobes=tuple(f"lobe{k}" for k in range(count))))
+        with OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
+            assert sum(len(part.channels) for part in file.parts) == map_channels(count)
 
 
 def test_equal_maps_give_equal_bytes(tmp_path):
@@ -167,6 +213,7 @@ def test_a_foreign_file_is_refused_by_name(tmp_path):
         {"layers": {}},
         {"layers": {"variance": np.ones((N, N, 3), np.float32)}},
         {"layers": {"": np.ones((N, N, 3), np.float32)}},
+        {"layers": {"radiance": np.ones((N, N, 3), np.float32), "coat": np.ones((N, N, 3), np.float32)}},
         {"layers": {"radiance": np.ones((N, N, 3))}},
         {"layers": {"radiance": np.ones((N, N), np.float32)}},
         {"variance": np.ones((N, N + 1, 3), np.float32)},

@@ -163,18 +163,33 @@ class PrefilteredCube:
         return mi.Color3f(value.x, value.y, value.z)
 
 
-def mip_chain(sources: Sources, size: int = SHARP) -> list[BorderedTexels]:
-    """MIP levels from `size` down to `SMALLEST` texels a side: the environment itself, and wider and wider lobes."""
+def mip_sizes(size: int = SHARP) -> list[int]:
+    """Texels a side of the MIP levels from `size` down to `SMALLEST`, at least two levels.
+
+    Examples
+    --------
+    >>> mip_sizes(64)
+    [64, 32, 16]
+    """
     sizes = [size]
     while sizes[-1] // 2 >= SMALLEST:
         sizes.append(sizes[-1] // 2)
-    if len(sizes) < 2:
-        sizes.append(sizes[0])
+    return sizes if len(sizes) > 1 else sizes * 2
+
+
+def mip_chain(sources: Sources, size: int = SHARP) -> list[BorderedTexels]:
+    """MIP levels of `mip_sizes`: the environment itself, and wider and wider lobes."""
+    sizes = mip_sizes(size)
     return [_level(sources, roughness_of_level(level, len(sizes)), one) for level, one in enumerate(sizes)]
+
+
+def lobe_cube(sources: Sources, alpha: float, size: int) -> NDArray[np.float32]:
+    """Radiance prefiltered for a lobe, shape (6, size, size, 3); the environment itself below `least_alpha`."""
+    if alpha < least_alpha(size):
+        return light_in(sources.light, CUBE, size)
+    return prefiltered(sources.points, alpha, size)
 
 
 def _level(sources: Sources, alpha: float, size: int) -> BorderedTexels:
     """One cube on the device."""
-    if alpha < least_alpha(size):
-        return SphereImage(CUBE, light_in(sources.light, CUBE, size)).texels
-    return SphereImage(CUBE, prefiltered(sources.points, alpha, size)).texels
+    return SphereImage(CUBE, lobe_cube(sources, alpha, size)).texels

@@ -15,6 +15,7 @@ from rsibr.baking.job import LIGHT_BYTES, NOISY_SHARE
 from rsibr.errors import InputError
 from rsibr.job_size import JobSize
 from rsibr.progress import Progress
+from rsibr.store.map_file import map_channels
 from rsibr.studies.agenda import agenda_of
 from rsibr.studies.bench import Bench
 from rsibr.studies.compare.budgets import classes_of
@@ -239,7 +240,7 @@ def _job(benches: Sequence[SceneBench]) -> JobSize:
     """Bytes of the missing bakes, with as many lobes as a material may have, and memory of the largest."""
     missing = [(bench.bench, size) for bench in benches for size in bench.sizes if bench.is_missing(size)]
     texels = [view_count(bench.scene, size) * size.resolution**2 for bench, size in missing]
-    sizes = [LIGHT_BYTES + NOISY_SHARE * 4 * count * (3 * MOST_LOBES + 4) for count in texels]
+    sizes = [LIGHT_BYTES + NOISY_SHARE * 4 * count * map_channels(MOST_LOBES) for count in texels]
     keeps = all(bench.bench.judged.judge.keep_bakes for bench in benches)
     disk = sum(sizes) if keeps else max(sizes, default=0)
     name = f"comparison on {len(benches)} scene{'s' * (len(benches) != 1)}"
