@@ -12,7 +12,7 @@ from rsibr.batches.events import Event, Note
 from rsibr.batches.executors.registry import executor_of
 from rsibr.batches.job import Job
 from rsibr.batches.ledger import Ledger
-from rsibr.store.directory import make_folder
+from rsibr.store.atomic import unwritable
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,10 @@ def run_jobs(
         lost, the disk is full. What is whole is kept.
     """
     executor = executor_of(run.executor)
-    make_folder(out)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(out, error) from error
     with batch_lock(out, shard, lambda text: on_event(Note(text))):
         ledger = Ledger(jobs, out, on_event, workers=executor.workers(run), crowded=executor.crowded)
         executor.run(ledger, run)

@@ -42,6 +42,9 @@ CHUNK = 12
 FULL = 2**24
 """Free bytes at the directory of the batch below which a machine's failure is everyone's, and the batch stops."""
 
+MOST_LOST = 4
+"""Attempts of a task whose workers are lost with no word of a signal, as when a cluster's time is over."""
+
 _BLAMED = 2
 
 
@@ -235,15 +238,22 @@ class Ledger:
         if flight is not None:
             self._tell(Progressed(task.job.name, flight.worker, share))
 
-    def ended(self, task: Task, outcome: Outcome) -> None:
+    def ended(self, task: Task, outcome: Outcome, worker: str = "") -> None:
         """Note what became of a task.
+
+        Parameters
+        ----------
+        task, outcome : Task, Outcome
+        worker : str
+            Who had it, where the engine chose that.
 
         Raises
         ------
         MachineError
             If the disk of the batch is full: no job can go on.
         """
-        worker = self._landed(task).worker
+        worker = worker or self._flights[task.key].worker
+        self._landed(task)
         if task.job.name in self._over:  # another part of it has failed meanwhile
             return
         result = outcome.result
@@ -264,11 +274,11 @@ class Ledger:
         if task.job.name in self._over:
             return
         seconds = time.monotonic() - flight.since
-        if not task.alone:
+        if not task.alone or (death.lost and task.attempt < MOST_LOST):
             self._suspects.append(task.again(seconds, alone=True))
             self.note(f"{task.job.name}: its process ended ({death}); it will run once more, alone")
             return
-        why = f"ended its process ({death}), and a fresh one that ran nothing else as well"
+        why = f"ended its process ({death}), and again in a fresh one that ran nothing else"
         result = JobResult.of(
             task.job,
             "failed",
@@ -281,12 +291,6 @@ class Ledger:
             attempts=task.attempt,
         )
         self._close(result)
-
-    def lost(self, task: Task) -> None:
-        """Note that a task came back without having been run, as from an engine that was restarted."""
-        self._landed(task)
-        if task.job.name not in self._over:
-            (self._suspects if task.alone else self._retries).append(task)
 
     def _landed(self, task: Task) -> _Flight:
         flight = self._flights.pop(task.key)

@@ -7,6 +7,7 @@ from typing import Any
 
 from rsibr.batches.job import Job
 from rsibr.methods.registry import default_method
+from rsibr.publishing.publish import publish
 from rsibr.store.bake import Bake
 from rsibr.validation.results import Validation
 from rsibr.validation.validation import validate
@@ -47,7 +48,16 @@ def run_steps(job: Job, bake: Bake, out: Path) -> tuple[dict[str, Any], float | 
         found = validate(bake, **job.then.validate, out=out / folder)
         then["validate"] = {"report": str(folder / "report.html")}
         error = worst_error(found)
+    if job.then.publish:
+        folder = Path(PUBLISHED_NAME, job.name)
+        then["publish"] = {name: _published(bake, name, folder, out) for name in job.then.publish}
     return then, error
+
+
+def _published(bake: Bake, name: str, folder: Path, out: Path) -> list[str]:
+    """Files of one format, of all stored views; those of an earlier attempt are replaced."""
+    made = publish(bake, "all", name, out / folder, fresh=True)
+    return [str(folder / file.name) for file in made.files]
 
 
 def worst_error(found: Validation) -> float | None:

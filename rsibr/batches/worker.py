@@ -11,11 +11,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import drjit as dr
 
 from rsibr import backend
+from rsibr.baking.units import bake_unit, finish, prepare
 from rsibr.batches.job import Job
 from rsibr.batches.result import JobResult, read_result, write_result
 from rsibr.batches.tasks import Outcome, Task
@@ -23,10 +24,12 @@ from rsibr.batches.then import run_steps
 from rsibr.budget.bake import bake
 from rsibr.budget.promise import promises_of
 from rsibr.errors import BakeError, CheckFailed, MachineError, RsibrError
+from rsibr.progress import Progress
 from rsibr.scene.config import Config, parse_config
 from rsibr.store.atomic import unwritable
 from rsibr.store.bake import Bake
 from rsibr.store.directory import lock_directory
+from rsibr.store.manifest import LIGHTS_NAME
 
 LONGEST_WAIT = 600.0
 """Time that a job waits for another process which bakes it [s]: one whose coordinator or scheduler was lost."""
@@ -34,6 +37,8 @@ LONGEST_WAIT = 600.0
 _WAIT = 0.5
 _BUG = 70
 """Exit code of a job that met a bug; `EX_SOFTWARE` of sysexits.h."""
+
+_Made = TypeVar("_Made")
 
 Report = Callable[[float], None]
 """Called with the completed fraction of a task."""
@@ -137,10 +142,8 @@ def processor_seconds() -> float:
 
 
 def _whole(task: Task, out: Path, on_progress: Report) -> _Done | JobResult:
-    job, config = task.job, _config(task.job)
-    path = _place_of(job, out)
-    made = _baked(config, path, on_progress)
-    return _finished(job, made, out)
+    path = _place_of(task.job, out)
+    return _finished(task.job, _baked(_config(task.job), path, out / LIGHTS_NAME, on_progress), out)
 
 
 def _finished(job: Job, made: Bake, out: Path) -> _Done | JobResult:
@@ -155,7 +158,32 @@ def _finished(job: Job, made: Bake, out: Path) -> _Done | JobResult:
     return _Done(made, then, error)
 
 
-_STEPS: dict[str, Callable[[Task, Path, Report], _Done | JobResult | tuple[int, ...]]] = {"whole": _whole}
+def _prepare(task: Task, out: Path, on_progress: Report) -> tuple[int, ...]:  # noqa: ARG001  # of all steps
+    path = _place_of(task.job, out)
+    return _in_turn(path, lambda: prepare(_config(task.job), path, lights=out / LIGHTS_NAME)).pending
+
+
+def _views(task: Task, out: Path, on_progress: Report) -> tuple[int, ...]:
+    already = len(task.views)
+
+    def report(state: Progress) -> None:
+        on_progress(1.0 - (state.total - state.done) / already)  # of the whole bake, so many views are left
+
+    bake_unit(out / task.job.bake, task.views, on_progress=report)
+    return ()
+
+
+def _finish(task: Task, out: Path, on_progress: Report) -> _Done | JobResult:  # noqa: ARG001
+    path = out / task.job.bake
+    return _finished(task.job, _in_turn(path, lambda: finish(path)), out)
+
+
+_STEPS: dict[str, Callable[[Task, Path, Report], _Done | JobResult | tuple[int, ...]]] = {
+    "whole": _whole,
+    "prepare": _prepare,
+    "views": _views,
+    "finish": _finish,
+}
 
 
 def _config(job: Job) -> Config:
@@ -171,16 +199,15 @@ def _place_of(job: Job, out: Path) -> Path:
     return path
 
 
-def _baked(config: Config, path: Path, on_progress: Report) -> Bake:
-    """Bake, after whoever else bakes this: a worker whose coordinator was lost may still be at it."""
-
+def _baked(config: Config, path: Path, lights: Path, on_progress: Report) -> Bake:
     def work() -> Bake:
-        return bake(config, out=path, on_progress=lambda state: on_progress(state.done / state.total))
+        return bake(config, out=path, lights=lights, on_progress=lambda state: on_progress(state.done / state.total))
 
     return _in_turn(path, work)
 
 
-def _in_turn(path: Path, work: Callable[[], Any]) -> Any:
+def _in_turn(path: Path, work: Callable[[], _Made]) -> _Made:
+    """Do work on a bake after whoever else writes it: a worker whose coordinator was lost may still be at it."""
     deadline = time.monotonic() + LONGEST_WAIT
     while True:
         try:

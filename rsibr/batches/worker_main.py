@@ -46,7 +46,7 @@ def main() -> None:
     while True:
         asked = tasks.get()
         outcome = run_task(
-            Task.from_record(asked["task"]), Path(asked["out"]), threads=asked["threads"], on_progress=_sparse(send)
+            Task.from_record(asked["task"]), Path(asked["out"]), threads=asked["threads"], on_progress=sparse(send)
         )
         send({"outcome": outcome.to_record()})
 
@@ -60,7 +60,7 @@ def _listen(connection: Connection, take: Callable[[dict[str, Any]], None]) -> N
             os._exit(0)
 
 
-def _sparse(send: Callable[[dict[str, Any]], None]) -> Callable[[float], None]:
+def sparse(send: Callable[[dict[str, Any]], None]) -> Callable[[float], None]:
     """Report progress, not too often."""
     last = time.monotonic()
 
