@@ -32,7 +32,22 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (demo, doctor, plan, bake, pack, check, reconstruct, render, publish, validate, study, compare, batch):
+_COMMANDS = (
+    demo,
+    doctor,
+    plan,
+    bake,
+    batch,
+    pack,
+    check,
+    reconstruct,
+    render,
+    publish,
+    validate,
+    study,
+    compare,
+)
+for command in _COMMANDS:
     app.command()(command)
 
 
