@@ -99,7 +99,7 @@ print(json.dumps([report.document.jobs, len(report.document.forecast.kinds), mit
 
 
 def test_two_hundred_thousand_jobs_need_neither_mitsuba_nor_memory(folder, tmp_path):
-    """1000 seeds × 200 angles of a sky; tests/benchmarks/test_batch.py times 1000 materials × 200 skies."""
+    """1000 seeds × 200 angles of a sky; tests/benchmarks/test_dry_run.py times 1000 materials × 200 skies."""
     file = tmp_path / "many.toml"
     file.write_text(
         'base = {environment = {file = "sky.exr"}, material = {preset = "solid-red"}}\n[matrix]\n'
