@@ -58,16 +58,20 @@ def batch_lock(out: Path, shard: Shard | None = None, on_wait: Callable[[str], N
     MachineError
         If the disk is full or fails.
     """
-    with _held(out / LOCK_NAME, out, shared=shard is not None):
-        if shard is None:
-            _refuse_living(out, _notes(out), on_wait)
-        else:
-            _refuse_living(out, [one for one in _notes(out) if one.shard is None or one.shard[1] != shard[1]], on_wait)
-        own = out / _name(shard)
-        with _held(own.with_suffix(".lock"), out, shared=False):
-            _refuse_living(out, [one for one in _notes(out) if one.path == own], on_wait)
-            with _beating(own):
-                yield
+    own = out / _name(shard)
+    with (
+        _held(out / LOCK_NAME, out, shared=shard is not None),
+        _held(own.with_suffix(".lock"), out, shared=False),
+    ):
+        rivals = [note for note in _notes(out) if note.path == own or not _at_once(shard, note.shard)]
+        _refuse_living(out, own, rivals, on_wait)
+        with _beating(own):
+            yield
+
+
+def _at_once(one: Shard | None, other: Shard | None) -> bool:
+    """Whether two shards, or the whole batch, may run at once."""
+    return one is not None and other is not None and one != other and one[1] == other[1]
 
 
 @dataclass(frozen=True)
@@ -106,12 +110,12 @@ def _read(path: Path) -> dict[str, Any] | None:
     return None
 
 
-def _refuse_living(out: Path, notes: list[_Note], on_wait: Callable[[str], None]) -> None:
-    """Raise if a note of another machine goes on changing; a note of this one is of a process that has ended."""
-    foreign = [one for one in notes if not one.is_of_this_system]
+def _refuse_living(out: Path, own: Path, notes: list[_Note], on_wait: Callable[[str], None]) -> None:
+    """Raise if the holder of a note lives: here it has a lock, and on another machine its note goes on changing."""
     for one in notes:
-        if one.is_of_this_system and one.shard is not None and _is_held(one.path.with_suffix(".lock")):
+        if one.is_of_this_system and one.path != own and _is_held(one.path.with_suffix(".lock")):
             raise _refusal(out, one.data)
+    foreign = [one for one in notes if not one.is_of_this_system]
     if not foreign:
         return
     hosts = ", ".join(sorted({str(one.data.get("host")) for one in foreign}))

@@ -136,6 +136,7 @@ class Ledger:
         self._over: set[str] = set()
         self._last_job: dict[str, str] = {}
         self._blame: dict[str, int] = {}
+        self._on_trial: dict[str, str] = {}
         self._up: set[str] = set()
 
     # ── what is to do ────────────────────────────────────────────────────────────────────────────────────────────────
@@ -155,6 +156,10 @@ class Ledger:
         """Whether a worker gets no more tasks."""
         return self._blame.get(worker, 0) >= _BLAMED
 
+    def rests(self, worker: str) -> bool:
+        """Whether a worker gets no tasks at the moment: it failed, and whether others do as well is being tried."""
+        return self.is_set_aside(worker) or (worker in self._on_trial and any(self._others(worker)))
+
     def next(self, worker: str = "") -> Task | None:
         """Task for a worker, which is in flight from now on; None if there is none at the moment.
 
@@ -165,7 +170,9 @@ class Ledger:
         """
         if self.is_set_aside(worker):
             return None
-        task = self._part_of(worker) or self._retry_for(worker) or self._new() or self._part() or self._suspect()
+        task = self._retry_for(worker)
+        if task is None and not self.rests(worker):
+            task = self._part_of(worker) or self._new() or self._part() or self._suspect()
         if task is not None:
             self._flights[task.key] = _Flight(task, worker)
         return task
@@ -254,6 +261,7 @@ class Ledger:
         """
         worker = worker or self._flights[task.key].worker
         self._landed(task)
+        self._end_trial(task)
         if task.job.name in self._over:  # another part of it has failed meanwhile
             return
         result = outcome.result
@@ -271,6 +279,7 @@ class Ledger:
     def died(self, task: Task, death: Death) -> None:
         """Note that a task ended with its process."""
         flight = self._landed(task)
+        self._end_trial(task)
         if task.job.name in self._over:
             return
         seconds = time.monotonic() - flight.since
@@ -297,11 +306,17 @@ class Ledger:
         self._tell(Stopped(task.job.name, flight.worker))
         return flight
 
+    def _end_trial(self, task: Task) -> None:
+        """Let the worker go on whose failure this task has tried elsewhere."""
+        if task.avoid and self._on_trial.get(task.avoid) == task.job.name:
+            del self._on_trial[task.avoid]
+
     def _failed(self, task: Task, outcome: Outcome, result: JobResult, worker: str) -> None:
         if result.exit_code == MachineError.exit_code:
             self._require_space(result)
             if not task.avoid:
-                self._retries.append(task.again(outcome.seconds, outcome.processor_seconds, avoid=worker or "?"))
+                self._retries.append(task.again(outcome.seconds, outcome.processor_seconds, avoid=worker))
+                self._on_trial[worker] = task.job.name
                 self.note(f"{task.job.name}: {result.reason} ({worker}); it will run once more")
                 return
         self._close(result)
@@ -346,6 +361,8 @@ class Ledger:
 
     def _close(self, result: JobResult) -> None:
         """Record a failure; parts of its bake that wait are dropped."""
+        for worker in [worker for worker, name in self._on_trial.items() if name == result.name]:
+            del self._on_trial[worker]
         for queue in (self._parts, self._retries, self._suspects):
             kept = [task for task in queue if task.job.name != result.name]
             queue.clear()

@@ -20,7 +20,7 @@ from rsibr.batches.tasks import Task
 from rsibr.errors import MachineError
 from rsibr.scene.interpreter import interpreters, search_path
 
-_TAIL = 4096
+_TAIL = 2**16
 _END = 5.0
 
 
@@ -92,11 +92,13 @@ class WorkerProcess:
         return [line for line in lines if line]
 
     def _said(self) -> str:
-        """Cause of death, and the line of Python at which it happened, if it wrote them."""
+        """Cause of death, and the line of Python at which it happened, if it wrote them (see `faulthandler`)."""
         lines = self._lines()
-        said = [line for line in lines if line.startswith(("LLVM ERROR", "terminate called", "Fatal Python error"))]
-        at = [line for line in lines if line.startswith("File ")]
-        return ", ".join([*said[-1:], *at[:1]])
+        said = [line for line in lines if line.startswith(("LLVM ERROR", "terminate called"))]
+        threads = [number for number, line in enumerate(lines) if line.startswith("Current thread")]
+        frames = [line for line in lines[threads[-1] :] if line.startswith("File ")] if threads else []
+        own = [line for line in frames if "/lib/python" not in line]
+        return ", ".join([*said[-1:], *(own or frames)[:1]])
 
 
 def _environment() -> dict[str, str]:

@@ -237,7 +237,7 @@ class _Feed:
 
     def _where(self, task: Task) -> dict[str, Any]:
         """Keywords of `submit` for the workers that a task should run on; none where any will do."""
-        kept = [one for one in self._workers if _short(one) != task.avoid and not self._ledger.is_set_aside(_short(one))]
+        kept = [one for one in self._workers if _short(one) != task.avoid and not self._ledger.rests(_short(one))]
         some = kept and len(kept) < len(self._workers)
         return {"workers": kept, "allow_other_workers": True} if some else {}
 
@@ -249,7 +249,7 @@ class _Feed:
         if "share" in message:
             self._ledger.progressed(found[1], message["share"])
         else:
-            self._ledger.started(found[1], message["worker"])
+            self._ledger.started(found[1], _short(message["worker"]))  # Dask puts the address there
 
     def _ended(self, number: int) -> None:
         future, task = self._futures.pop(number)
@@ -315,7 +315,7 @@ def run_on_worker(
         what = f"{name} has rsibr {__version__}, the coordinator {version}"
         raise MachineError(what, where="dask", fix="install the same version on every node")
     task, folder = Task.from_record(record), Path(out)
-    worker.log_event(topic, {"task": number, "worker": name})
+    worker.log_event(topic, {"task": number, "worker": worker.address})
     if not (folder / LOCK_NAME).exists():
         reason = f"{out}: {name} does not see the directory of the batch. Mount it there under the same path"
         result = JobResult.of(task.job, "failed", reason=reason, exit_code=MachineError.exit_code, worker=name)
