@@ -1,4 +1,4 @@
-"""Processor that kernels are compiled for: LLVM's code for another one rounds differently, so that maps get other bits."""
+"""Processor that kernels are compiled for; code for another one rounds differently, so that maps get other bits."""
 
 from __future__ import annotations
 

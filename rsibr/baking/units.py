@@ -105,7 +105,7 @@ class Work:
 
             with BakeWriter.open(out, manifest, fresh=fresh) as writer:
                 if not writer.has_light:
-                    writer.commit_light(scene.light, lights)
+                    writer.commit_light(scene.light if lights is None else scene.shared_light, lights)
                 yield writer
 
 

@@ -10,12 +10,11 @@ from itertools import islice
 from pathlib import Path
 
 from rsibr.batches.config import BatchConfig, RunConfig, load_batch, parse_batch
-from rsibr.batches.coordinator import run_jobs
 from rsibr.batches.document import ForecastRecord
 from rsibr.batches.events import Event
 from rsibr.batches.forecast.forecast import forecast
 from rsibr.batches.forecast.kinds import Census
-from rsibr.batches.index import write_index
+from rsibr.batches.index import Index
 from rsibr.batches.job import RESULTS_NAME, Job
 from rsibr.batches.matrix import MOST_TOLD, Matrix, shard_bounds
 from rsibr.batches.report import BatchReport, Tally, document_of
@@ -126,11 +125,20 @@ def reindex(out: Path | str, title: str = "batch") -> BatchReport:
     out, begun = Path(out), time.perf_counter()
     if not (out / RESULTS_NAME).is_dir():
         raise InputError("holds no results of a batch", where=str(out), fix="name the directory with --out")
-    index = write_index(out)
-    seconds = time.perf_counter() - begun
-    jobs = index.done + index.failed
-    document = document_of(title, out, "indexed", jobs=jobs, index=index, seconds=seconds)
-    return BatchReport(document.model_copy(update={"done": index.done}), out)
+    from rsibr.batches.overview import write_overview  # noqa: PLC0415  # reads maps, which loads Mitsuba
+
+    index, gallery = write_overview(out, title)
+    document = document_of(
+        title,
+        out,
+        "indexed",
+        jobs=index.done + index.failed,
+        tally=Tally(index.done, index.seconds, index.bytes),
+        index=index,
+        gallery=gallery,
+        seconds=time.perf_counter() - begun,
+    )
+    return BatchReport(document, out)
 
 
 @dataclass
@@ -208,13 +216,15 @@ class _Work:
 
     def run(self, on_event: Callable[[Event], None]) -> None:
         """Run what is not done."""
+        from rsibr.batches.coordinator import run_jobs  # noqa: PLC0415  # of the store, which loads Mitsuba
+
         pending = (job for job in self._jobs() if not self._done.has(job))
         run_jobs(pending, self.out, self.settings, on_event, shard=self.shard)
 
     def report(self, found: ForecastRecord) -> BatchReport:
         """Read the results; of a whole batch write the index and the gallery, which a shard leaves to the last."""
         tally = Tally.of(self.out, self._jobs(), self._command)
-        index = write_index(self.out) if self.shard is None else None
+        index, gallery = (None, None) if self.shard else self._overview()
         document = document_of(
             self.config.title,
             self.out,
@@ -224,9 +234,15 @@ class _Work:
             tally=tally,
             found=found if self.remaining else None,
             index=index,
+            gallery=gallery,
             seconds=self._seconds,
         )
         return BatchReport(document, self.out)
+
+    def _overview(self) -> tuple[Index, Path]:
+        from rsibr.batches.overview import write_overview  # noqa: PLC0415  # reads maps, which loads Mitsuba
+
+        return write_overview(self.out, self.config.title, (job.name for job in self._jobs()))
 
     def _jobs(self) -> Iterator[Job]:
         """Jobs that are selected, or those of the shard."""

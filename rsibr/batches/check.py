@@ -13,6 +13,7 @@ from rsibr.batches.sections import PLACEHOLDERS, canonical_text
 from rsibr.errors import InputError, RsibrError
 from rsibr.methods.registry import registration, require_method_options
 from rsibr.progress import Progress
+from rsibr.publishing.registry import formats_of
 from rsibr.scene.config import Config, parse_config
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
@@ -99,6 +100,8 @@ def _try_together(configs: Sequence[Config]) -> None:
 def _check_steps(then: Then, mistakes: list[str]) -> None:
     for name in (then.validate or {}).get("methods", ()):
         _try(lambda name=name: registration(name), mistakes, "then.validate.methods")  # type: ignore[misc]
+    if then.publish:
+        _try(lambda: formats_of(then.publish), mistakes, "then.publish")
 
 
 def _config(section: str, table: Mapping[str, Any]) -> Config:

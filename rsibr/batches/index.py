@@ -15,7 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from rsibr.batches.result import JobResult, read_results
+from rsibr.batches.result import JobResult
 from rsibr.store.atomic import write_atomic
 from rsibr.studies.csv_table import csv_table
 
@@ -57,32 +57,52 @@ class Index:
         Numbers of results.
     damaged : tuple of Path
         Files that are no results, which were left out.
+    seconds : float
+        Processor time of the jobs that are done [s].
+    bytes : int
+        Size of their bakes.
     """
 
     files: tuple[Path, ...]
     done: int
     failed: int
     damaged: tuple[Path, ...]
+    seconds: float
+    bytes: int
 
 
-def write_index(out: Path) -> Index:
+def write_index(out: Path, results: Sequence[JobResult], damaged: Sequence[Path] = ()) -> Index:
     """Write the index of the batch in `out`.
+
+    Parameters
+    ----------
+    out : Path
+        Directory of the batch.
+    results : sequence of JobResult
+        Results, in the order of the rows.
+    damaged : sequence of Path
+        Files that are no results.
 
     Raises
     ------
     MachineError, BakeError
         If a file cannot be written.
     """
-    damaged: list[Path] = []
-    results = list(read_results(out, damaged.append))
     keys = value_columns(results)
     rows = [_row(result, keys) for result in results]
     columns = ["name", *keys.values(), *list(COLUMNS)[1:]]
     files = [_write(out / "index.sqlite", _sqlite(columns, rows)), _write(out / "index.csv", _csv(columns, rows))]
     if (table := _parquet(columns, rows)) is not None:
         files.append(_write(out / "index.parquet", table))
-    done = sum(result.state == "done" for result in results)
-    return Index(tuple(files), done, len(results) - done, tuple(damaged))
+    done = [result for result in results if result.state == "done"]
+    return Index(
+        files=tuple(files),
+        done=len(done),
+        failed=len(results) - len(done),
+        damaged=tuple(damaged),
+        seconds=sum(result.processor_seconds for result in done),
+        bytes=sum(result.bytes for result in done),
+    )
 
 
 def value_columns(results: Sequence[JobResult]) -> dict[str, str]:

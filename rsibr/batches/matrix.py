@@ -19,7 +19,7 @@ from typing import Any
 from rsibr.batches.config import BatchConfig, base_tables
 from rsibr.batches.job import Job
 from rsibr.batches.names import NamePattern, NameRegister, fault_of
-from rsibr.batches.sections import Layout, Sections, settings_of
+from rsibr.batches.sections import Layout, Sections, canonical_text, digest_of
 from rsibr.batches.values import SHORT_FORMS, Value, label_of, values_of
 from rsibr.errors import InputError, did_you_mean
 from rsibr.scene.config import Config
@@ -118,10 +118,10 @@ class Matrix:
         """
         then = self.config.tables.then.steps()
         for layout, values in self._combinations():
-            settings, digest = settings_of(layout.parts(values))
-            name = self._name(values, settings)
+            part = layout.part(values)
+            name = self._name(values, part.tables)
             if self._is_named(name):
-                yield Job(name, {value.key: value.shown for value in values}, settings, then, digest)
+                yield Job(name, {value.key: value.shown for value in values}, part.tables, then, digest_of(part))
 
     def check(self, on_job: Callable[[Job], None] = lambda _: None) -> int:
         """Check every selected job, each distinct value once, and return their number.
@@ -140,20 +140,18 @@ class Matrix:
         mistakes, register, count = dict[str, None](), NameRegister(), 0
         then = self.config.tables.then.steps()
         for layout, values in self._combinations():
-            parts = layout.parts(values)
-            wrong = [part.problem for part in parts if part.problem]
-            if wrong:
-                mistakes.update(dict.fromkeys(wrong))
+            part = layout.part(values)
+            if part.problems:
+                mistakes.update(dict.fromkeys(part.problems))
                 continue
-            settings, digest = settings_of(parts)
-            name = self._name(values, settings)
+            name = self._name(values, part.tables)
             if not self._is_named(name):
                 continue
             count += 1
             if fault := self._fault(name, values, register):
                 mistakes.setdefault(fault)
             elif not mistakes:
-                on_job(Job(name, {value.key: value.shown for value in values}, settings, then, digest))
+                on_job(Job(name, {value.key: value.shown for value in values}, part.tables, then, digest_of(part)))
         if folder := register.folder_clash():
             mistakes.setdefault(f"{self.config.where}: the job '{folder}' is also a folder of other jobs")
         if mistakes:
@@ -164,12 +162,12 @@ class Matrix:
 
     def distinct(self, section: str) -> list[Mapping[str, Any]]:
         """Distinct tables of a section among the selected jobs, in their order."""
-        found: dict[str, Mapping[str, Any]] = {}
+        seen: dict[int, Mapping[str, Any]] = {}
         for layout, values in self._combinations():
-            for part in layout.parts(values):
-                if section in part.texts:
-                    found.setdefault(part.texts[section], part.tables[section])
-        return list(found.values())
+            table = layout.part(values).tables.get(section)
+            if table is not None:
+                seen.setdefault(id(table), table)  # jobs with equal values share the table
+        return list({canonical_text(table): table for table in seen.values()}.values())
 
     def _combinations(self) -> Iterator[tuple[Layout, _Row]]:
         """Values of each selected job with the layout of its sections, before it is selected by its name."""

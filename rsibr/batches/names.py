@@ -6,6 +6,7 @@ import re
 import unicodedata
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from rsibr.batches.job import BAKE_SUFFIX, RESULTS_NAME
 from rsibr.errors import InputError, did_you_mean
@@ -82,6 +83,7 @@ def fault_of(name: str) -> str:
     return next(filter(None, map(_fault_of_part, parts)), "")
 
 
+@lru_cache(2**12)
 def _fault_of_part(part: str) -> str:
     if not part:
         return "has an empty part"

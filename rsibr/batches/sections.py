@@ -40,15 +40,15 @@ class Part:
     ----------
     tables : dict
         Sections as `Config.to_dict` returns them.
-    texts : dict
-        Canonical JSON of each.
-    problem : str
-        What is wrong with them, in one line; empty if nothing is.
+    members : tuple of str
+        Canonical JSON of each, as a member of an object: `"map":{"resolution":256}`.
+    problems : tuple of str
+        What is wrong with them, each in one line.
     """
 
     tables: Mapping[str, Any]
-    texts: Mapping[str, str]
-    problem: str = ""
+    members: tuple[str, ...]
+    problems: tuple[str, ...] = ()
 
 
 class Sections:
@@ -91,7 +91,7 @@ class Sections:
         for position, key in enumerate(keys):
             by_group.setdefault(self._groups[key.partition(".")[0]], []).append(position)
         same = [self.part(group, ()) for group in self._every if group not in by_group]
-        return Layout(self, tuple(keys), tuple(same), tuple(by_group.items()))
+        return Layout(self, _joined(same), tuple(by_group.items()))
 
     def part(self, group: tuple[str, ...], values: tuple[Value, ...]) -> Part:
         """Checked sections of a group with these values; checked at the first use."""
@@ -112,42 +112,40 @@ class Sections:
             config = parse_config({**others, **tables}, self._folder, where=where)
             _check_files(config, group)
         except RsibrError as error:
-            return Part({}, {}, _told(error, where))
+            return Part({}, (), (_told(error, where),))
         whole = config.to_dict()
         kept = {name: whole[name] for name in group if name in whole}
-        return Part(kept, {name: canonical_text(table) for name, table in kept.items()})
+        return Part(kept, tuple(f'"{name}":{canonical_text(table)}' for name, table in kept.items()))
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Which sections of jobs with the same keys are always the base's, and which have values.
-
-    Attributes
-    ----------
-    keys : tuple of str
-        Keys of the values, in their order.
-    """
+    """Sections of jobs that have values of the same keys: those that are always the base's, and the varied ones."""
 
     sections: Sections
-    keys: tuple[str, ...]
-    _same: tuple[Part, ...]
+    _same: Part
     _varied: tuple[tuple[tuple[str, ...], list[int]], ...]
 
-    def parts(self, values: Sequence[Value]) -> list[Part]:
-        """Checked sections of a job; each combination of the values of a section is checked once."""
+    def part(self, values: Sequence[Value]) -> Part:
+        """All sections of a job; each combination of the values of a section is checked once."""
         part = self.sections.part
-        return [*self._same, *(part(group, tuple([values[n] for n in at])) for group, at in self._varied)]
+        return _joined([self._same, *[part(group, tuple([values[n] for n in at])) for group, at in self._varied]])
 
 
-def settings_of(parts: Sequence[Part]) -> tuple[dict[str, Any], str]:
-    """Tables of the whole config, and their digest as `rsibr.batches.job.settings_digest` has it."""
+def _joined(parts: Sequence[Part]) -> Part:
     tables: dict[str, Any] = {}
-    texts: dict[str, str] = {}
+    members: list[str] = []
+    problems: list[str] = []
     for part in parts:
         tables.update(part.tables)
-        texts.update(part.texts)
-    whole = "{" + ",".join(f'"{name}":{texts[name]}' for name in sorted(texts)) + "}"
-    return tables, hashlib.sha256(whole.encode()).hexdigest()
+        members.extend(part.members)
+        problems.extend(part.problems)
+    return Part(tables, tuple(members), tuple(problems))
+
+
+def digest_of(part: Part) -> str:
+    """Digest of the sections of a whole config, as `rsibr.batches.job.settings_digest` has it."""
+    return hashlib.sha256(f"{{{','.join(sorted(part.members))}}}".encode()).hexdigest()
 
 
 def canonical_text(value: Any) -> str:

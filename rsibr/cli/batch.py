@@ -13,8 +13,8 @@ from rsibr.cli.options import Json, Yes, check_output_folder
 from rsibr.errors import InputError, printable
 
 if TYPE_CHECKING:
-    from rsibr.batches.report import BatchReport
     from rsibr.batches.document import ForecastRecord
+    from rsibr.batches.report import BatchReport
     from rsibr.progress import Progress
 
 MOST_KINDS = 20

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 from rsibr.geometry.viewpoints import VIEW_COUNTS
 from rsibr.light.probe import LightProbe
@@ -31,7 +32,19 @@ LOBE_EFFECTS = ("diffuse", "glossy", "clear_coat", "mirror")
 """Effects that are lobes of the material."""
 
 
-def effect_of(lobe: LobeProbe, lobes: tuple[LobeProbe, ...]) -> str:
+class Reflecting(Protocol):
+    """A lobe of a material, as fitted or as probed."""
+
+    @property
+    def kind(self) -> str:
+        """One of "diffuse", "glossy", "mirror"."""
+
+    @property
+    def alpha(self) -> float:
+        """Roughness α."""
+
+
+def effect_of(lobe: Reflecting, lobes: Sequence[Reflecting]) -> str:
     """Name of the effect that a lobe belongs to, one of `LOBE_EFFECTS`.
 
     The clear coat is the narrowest glossy lobe, up to `COAT_ALPHA`, if another lobe lies below it.

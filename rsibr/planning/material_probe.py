@@ -133,8 +133,9 @@ def probe_material(bsdf: mi.BSDF, split: LobeSplit) -> MaterialProbe:
 
 def _lobe(lobe: Lobe, whole: NDArray[np.float64], shape_error: float, anisotropy: float, variation: float) -> LobeProbe:
     share = float(over_disk(lobe.albedo).sum() / max(over_disk(whole).sum(), 1e-30))
-    kind = "mirror" if lobe.is_mirror else "diffuse" if lobe.is_diffuse else "glossy"
-    return LobeProbe(lobe.name, lobe.alpha, over_disk(lobe.albedo), share, shape_error, kind, anisotropy, variation)
+    return LobeProbe(
+        lobe.name, lobe.alpha, over_disk(lobe.albedo), share, shape_error, lobe.kind, anisotropy, variation
+    )
 
 
 def _variation_over_angle(albedo: NDArray[np.float64]) -> float:

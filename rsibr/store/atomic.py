@@ -104,7 +104,7 @@ def _links(path: Path) -> list[str]:
 
 
 def _replace(path: Path, data: bytes) -> None:
-    """Replace a file; again if a writer that began meanwhile has swept the temporary one, as that of a killed process."""
+    """Replace a file; again if a writer that began meanwhile has swept the temporary one, as a killed process's."""
     for left in reversed(range(_ATTEMPTS)):
         try:
             _replace_once(path, data)

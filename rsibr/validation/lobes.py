@@ -15,6 +15,7 @@ from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Method
 from rsibr.methods.reconstruction import run
 from rsibr.methods.registry import default_method, judged_by_lobe
+from rsibr.planning.lobe_titles import lobe_titles
 from rsibr.store.bake import Bake
 from rsibr.store.noise import COVERED, denominator
 from rsibr.validation.estimate import Estimate, jackknife, mean_estimate
@@ -40,6 +41,8 @@ class LobeError:
         Share of the lobe in the radiance of the map.
     relative_error : ndarray, shape (H, W)
         Square root of the relative squared error of each texel, mean over channels; NaN where coverage < ½.
+    title : str
+        What the lobe is, see `rsibr.planning.lobe_titles`.
     """
 
     reference: NDArray[np.float32]
@@ -47,6 +50,7 @@ class LobeError:
     rel_mse: Estimate
     light: float
     relative_error: NDArray[np.float32]
+    title: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +92,15 @@ class LobeSummary:
         Mean share of the radiance.
     worst_views : int
         Number of views at which this lobe has the largest error.
+    title : str
+        What the lobe is.
     """
 
     rel_mse: Estimate
     rel_mse_range: tuple[float, float]
     light: float
     worst_views: int
+    title: str
 
 
 class LobeJudge:
@@ -137,6 +144,7 @@ class LobeJudge:
         self._parts = {
             name: methods.variant(default_method(), lobe=name) if name in stored else None for name in split.names
         }
+        self._titles = lobe_titles(split.lobes)
         self._resolution = bake.resolution
 
     def at(self, frame: NDArray[np.float64]) -> ViewLobes:
@@ -170,7 +178,7 @@ class LobeJudge:
             picture[judged] = np.sqrt(squared[:, k])
             reference = self._reference.image(mean[:, k].astype(np.float32))
             share = float(light[k] / light.sum()) if light.sum() > 0 else 0.0
-            found[name] = LobeError(reference, images[k], estimates[k], share, picture)
+            found[name] = LobeError(reference, images[k], estimates[k], share, picture, self._titles[name])
         return found
 
 
@@ -241,6 +249,7 @@ def summarise(views: Sequence[ViewLobes]) -> dict[str, LobeSummary]:
             rel_mse_range=(min(values), max(values)),
             light=float(np.mean([error.light for error in errors])),
             worst_views=sum(view.worst == name for view in views),
+            title=errors[0].title,
         )
 
     return {name: summary(name) for name in views[0].errors}

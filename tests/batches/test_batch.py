@@ -97,7 +97,9 @@ def test_the_index_is_made_anew(tmp_path):
     done(tmp_path, bytes=100)
     document = reindex(tmp_path, "title").document
     assert (document.state, document.jobs, document.done, document.damaged) == ("indexed", 4, 4, [])
+    assert document.bytes == 400
     assert [Path(path).name for path in document.index] == ["index.sqlite", "index.csv", "index.parquet"]
+    assert "pearl-white/1" in (tmp_path / "gallery.html").read_text()
     with pytest.raises(InputError, match="holds no results of a batch"):
         reindex(tmp_path / "index.csv")
 

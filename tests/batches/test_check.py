@@ -59,6 +59,7 @@ def test_all_mistakes_are_told_at_once(tmp_path):
     ("tables", "says"),
     [
         ({"then": {"validate": {"methods": ["rsib"]}}}, "then.validate.methods: "),
+        ({"then": {"publish": ["latlon"]}}, "then.publish: "),
         ({"matrix": {"methods.rsibr.nothing": [3]}}, "nothing"),
         ({"matrix": {"plugins.modules": [["no_such_module_of_plugins"]]}}, "no_such_module_of_plugins"),
         ({"matrix": {"views.file": ["views.json"]}}, "cover"),

@@ -56,12 +56,12 @@ def test_the_sum_is_that_of_the_parts(folder):
     rates = Rates(100.0, 1.0, 0.0, 0.0, 0.0, 0.0, 7000, 4, 0.0)
     groups = list(census.groups())
     planned = {id(kind): Planned(Size(1, 8, 16), 100.0) for kind in census.kinds}
-    shared = SharedRates(start=10_000.0, sky=1_000_000.0, light_bytes=10_000_000.0)
+    shared = SharedRates(start=10_000.0, imports=2000.0, sky=1_000_000.0, light_bytes=10_000_000.0, lights=2 / 3)
     probed = Probed(dict.fromkeys(groups, rates), planned, shared, ("a note",))
     found = forecast(census, folder, RunConfig(executor="serial"), probed, 5, 0.25)
-    assert found.processor_seconds == 0.25 + 36 * 1.0 + 3 * 100.0 + 10_000.0 + 2 * 1_000_000.0
-    assert found.bytes == 36 * 7100 + 2 * 10_000_000
-    assert found.files == 36 * (4 + 1) + 2
+    assert found.processor_seconds == 0.25 + 36 * 1.0 + 3 * 100.0 + 8000.0 + 2 * 1_000_000.0
+    assert found.bytes == 36 * 7100 + 4 * 10_000_000  # two of three materials have lights of their own
+    assert found.files == 36 * (4 + 1) + 4
     assert (found.jobs, found.already_done, found.source, found.notes) == (36, 5, "probes", ["a note"])
     assert found.kinds[0] == KindRecord(
         material="solid-red", views=1, resolution=8, samples=16, jobs=6, processor_seconds=1.0, bytes=7100
@@ -99,7 +99,7 @@ print(json.dumps([report.document.jobs, len(report.document.forecast.kinds), mit
 
 
 def test_two_hundred_thousand_jobs_need_neither_mitsuba_nor_memory(folder, tmp_path):
-    """1000 seeds × 200 angles of a sky; tests/benchmarks/test_batch.py times 1000 materials × 200 skies."""
+    """1000 seeds × 200 angles of a sky; tests/benchmarks/test_dry_run.py times 1000 materials × 200 skies."""
     file = tmp_path / "many.toml"
     file.write_text(
         'base = {environment = {file = "sky.exr"}, material = {preset = "solid-red"}}\n[matrix]\n'

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rsibr.batches.index import rows_of, write_index
+from rsibr.batches.index import Index, rows_of, write_index
 from rsibr.batches.job import Job, Then
 from rsibr.batches.result import JobResult, read_result, read_results, write_result
 
@@ -26,6 +26,11 @@ RESULTS = [
     JobResult.of(JOBS[1], "failed", reason="Mitsuba crashed; 3 attempts", signal="SIGSEGV", attempts=3),
     JobResult.of(JOBS[2], "done", worker="node:17", then={"validate": {"report": "reports/x"}}),
 ]
+
+
+def indexed(out: Path) -> Index:
+    damaged: list[Path] = []
+    return write_index(out, list(read_results(out, damaged.append)), damaged)
 
 
 @pytest.fixture
@@ -50,7 +55,7 @@ def test_a_result_answers_the_job_that_it_is_of():
 
 
 def test_the_index_has_a_row_for_each_result(out):
-    index = write_index(out)
+    index = indexed(out)
     assert (index.done, index.failed, index.damaged) == (2, 1, ())
     rows = {row["name"]: row for row in rows_of(out / "index.sqlite")}
     assert (
@@ -66,7 +71,7 @@ def test_the_index_has_a_row_for_each_result(out):
 def test_csv_and_parquet_hold_the_same(out):
     import pandas as pd
 
-    write_index(out)
+    indexed(out)
     rows = list(rows_of(out / "index.sqlite"))
     with (out / "index.csv").open(newline="") as file:
         table = sorted(csv.DictReader(file), key=lambda row: row["name"])
@@ -78,12 +83,12 @@ def test_csv_and_parquet_hold_the_same(out):
 
 
 def test_the_index_is_made_anew_without_the_damaged(out):
-    write_index(out)
+    indexed(out)
     (out / "index.sqlite").write_bytes(b"rubbish")
     (out / "results" / "red" / "noon.json").write_text('{"name": "red/noon", "state"')
     (out / "results" / "red" / "dawn.json").rename(out / "results" / "dawn.json")  # of another job
     (out / "results" / "list.json").write_text("[1, 2]")
-    index = write_index(out)
+    index = indexed(out)
     assert (index.done, index.failed, len(index.damaged)) == (1, 0, 3)
     assert [row["name"] for row in rows_of(out / "index.sqlite")] == ["blue,\n'\""]
 
@@ -98,14 +103,14 @@ def test_a_result_that_is_no_number_is_damaged(out):
 
 
 def test_an_empty_batch_has_an_empty_index(tmp_path):
-    index = write_index(tmp_path)
+    index = indexed(tmp_path)
     assert (index.done, index.failed) == (0, 0)
     assert list(rows_of(tmp_path / "index.sqlite")) == []
 
 
 def test_without_pandas_there_is_no_parquet(out, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    assert [path.name for path in write_index(out).files] == ["index.sqlite", "index.csv"]
+    assert [path.name for path in indexed(out).files] == ["index.sqlite", "index.csv"]
 
 
 def test_not_finite_numbers_are_never_written(tmp_path):

@@ -1,60 +1,69 @@
-"""What a batch costs beside its bakes: finding and forecasting 200 000 jobs."""
+"""A batch in one process: what it takes beyond its Mitsuba kernels and one set-up."""
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
-from time import perf_counter
+import time
 
-import numpy as np
 import pytest
 
-from tests.scene.maps import write_exr
+import rsibr
+from rsibr.baking import noise_pilot, view
+from rsibr.baking.blocks import estimate
+from rsibr.baking.remembered import in_this_process
+from rsibr.resources import configs, scenes
 
-MATERIALS, SKIES = 1000, 200
-BATCH = """
-base = {{environment = {{emitter = {{type = "constant"}}}}, material = {{preset = "matte-lambert"}}}}
-name = "{{material}}/{{environment}}"
-[matrix]
-material = [{{file = "{materials}/*.xml"}}]
-environment = ["{skies}/*.exr"]
-"""
-MATERIAL = '<bsdf version="3.0.0" type="diffuse"><rgb name="reflectance" value="{}, 0.5, 0.5"/></bsdf>'
-
-DRY_RUN = """
-import resource, sys
-from rsibr.cli.app import main
-try:
-    main()
-finally:
-    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024, file=sys.stderr)
-"""
+MATERIALS = "solid-red", "metallic-silver", "glossy-plastic", "matte-lambert"
+SKIES = "city", "courtyard", "studio"
+TARGET = 1.15
 
 
 @pytest.mark.benchmark(group="batch")
-def test_dry_run_of_two_hundred_thousand_jobs(benchmark, tmp_path):
-    """Seconds and bytes of memory of `rsibr batch --dry-run --no-probe`; at most 10 s and 500 MB are wanted."""
-    for name in ("materials", "skies"):
-        (tmp_path / name).mkdir()
-    for number in range(MATERIALS):
-        (tmp_path / "materials" / f"m{number:04}.xml").write_text(MATERIAL.format(number / MATERIALS))
-    write_exr(tmp_path / "sky.exr", np.full((4, 8, 3), 0.5))
-    for number in range(SKIES):
-        (tmp_path / "skies" / f"s{number:03}.exr").write_bytes((tmp_path / "sky.exr").read_bytes())
-    file = tmp_path / "batch.toml"
-    file.write_text(BATCH.format(materials=tmp_path / "materials", skies=tmp_path / "skies"))
-    words = [sys.executable, "-c", DRY_RUN, "batch", str(file), "--dry-run", "--no-probe", "--json"]
-    words += ["--out", str(tmp_path / "out")]
-    taken, peaks = [], []
+def test_a_batch_takes_little_beyond_its_kernels_and_one_set_up(benchmark, tmp_path, monkeypatch):
+    """`extra_info.ratio`: processor time of 4 materials × 3 skies at 64² over that of kernels and one set-up; ≤ 1.15.
 
-    def whole():
-        start = perf_counter()
-        ended = subprocess.run(words, capture_output=True, check=True, text=True)
-        taken.append(perf_counter() - start)
-        peaks.append(int(ended.stderr.split()[-1]))
-        assert json.loads(ended.stdout)["jobs"] == MATERIALS * SKIES
+    Kernels: all threads of this process during `estimate`, which renders the samples of views and of their pilots. One
+    set-up: what the first bake takes beside its kernels: loading, probes, fits, compilation, the light and its file.
+    `beside`: processor seconds beside kernels of a bake whose sky and material are both known.
+    """
+    spent = [0.0]
 
-    benchmark.pedantic(whole, rounds=3)
-    benchmark.extra_info.update(seconds=min(taken), bytes=max(peaks))
-    print(f"\ndry run of {MATERIALS * SKIES} jobs: {min(taken):.1f} s, {max(peaks) / 1e6:.0f} MB")
+    def counted(*arguments, **options):
+        start = time.process_time()
+        try:
+            return estimate(*arguments, **options)
+        finally:
+            spent[0] += time.process_time() - start
+
+    for room in (view, noise_pilot):
+        monkeypatch.setattr(room, "estimate", counted)
+    in_this_process.forget()
+    beside: dict[tuple[str, str], float] = {}
+    kernels: dict[tuple[str, str], float] = {}
+
+    def batch():
+        for sky in SKIES:
+            for material in MATERIALS:
+                start, before = time.process_time(), spent[0]
+                rsibr.bake(
+                    configs() / "demo.toml",
+                    out=tmp_path / material / f"{sky}.rsibr",
+                    lights=tmp_path / "lights",
+                    overrides=[
+                        f"material.preset={material}",
+                        f"environment.file={scenes() / 'environments' / f'{sky}.exr'}",
+                        "map.resolution=64",
+                    ],
+                )
+                kernels[sky, material] = spent[0] - before
+                beside[sky, material] = time.process_time() - start - kernels[sky, material]
+
+    benchmark.pedantic(batch, rounds=1)
+    rendered, set_up, other = sum(kernels.values()), next(iter(beside.values())), sum(beside.values())
+    ratio = (rendered + other) / (rendered + set_up)
+    known = [beside[sky, material] for sky in SKIES[1:] for material in MATERIALS[1:]]
+    benchmark.extra_info.update(ratio=ratio, kernels=rendered, set_up=set_up, beside=sum(known) / len(known))
+    print(  # noqa: T201
+        f"\n4 materials × 3 skies at 64²: {rendered + other:.1f} processor s = {ratio:.2f} × (kernels {rendered:.1f} s + one "
+        f"set-up {set_up:.1f} s), {TARGET} is wanted; a bake of known sky and material {sum(known) / len(known):.2f} s beside"
+    )
+    print({"/".join(key): f"{value:.2f}" for key, value in beside.items()})

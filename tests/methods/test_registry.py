@@ -108,7 +108,7 @@ def test_a_toy_of_ten_lines_is_seen_everywhere(toy, small_bakes, tmp_path):
     assert found.summary[toy].rel_mse.value > found.summary["cabral1999"].rel_mse.value > 0
     metrics = json.loads((tmp_path / "report" / "metrics.json").read_text())
     assert metrics["summary"][toy]["eval_rel_mse"]["value"] == pytest.approx(found.summary[toy].rel_mse.value, rel=1e-4)
-    assert f"<td>{toy}</td>" in (tmp_path / "report" / "report.html").read_text()
+    assert f'<th scope="row">{toy}</th>' in (tmp_path / "report" / "report.html").read_text()
 
     base = {key: value for key, value in bake.manifest.config.items() if value is not None}
     study = {

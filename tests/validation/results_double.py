@@ -14,6 +14,8 @@ from rsibr.validation.metrics import compare
 from rsibr.validation.results import BakeSummary, MethodResult, Validation, ViewResult
 from tests.validation.doubles import noisy_reference, smooth_map
 
+_TITLES = {"diffuse": "diffuse under a coat", "coat": "clear coat, α 0.015"}
+
 
 def small_validation(bake_seconds: float = 10.0, factors: dict[str, float] | None = None) -> Validation:
     """Two views of 32² texels; each method's map is the truth times its factor."""
@@ -41,6 +43,6 @@ def with_lobes(validation: Validation) -> Validation:
         for name, worse_at in (("diffuse", 1), ("coat", 0)):
             value = 2e-3 if index == worse_at else 1e-3
             flat = np.full(half.shape[:2], np.sqrt(value), np.float32)
-            errors[name] = LobeError(half, half, Estimate(value, 1e-5, 7.0), 0.5, flat)
+            errors[name] = LobeError(half, half, Estimate(value, 1e-5, 7.0), 0.5, flat, _TITLES[name])
         views.append(replace(view, lobes=ViewLobes(errors, 64, 8, 1.5)))
     return replace(validation, views=views)

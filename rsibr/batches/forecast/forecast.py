@@ -51,7 +51,10 @@ def forecast(
     costs = [_cost(kind, probed, run.threads) for kind in census.kinds]
     shared = probed.shared if probed else TYPICAL_SHARED
     processor = spent + _shared_seconds(census, costs, probed, shared, workers)
+    if run.executor == "serial" and census.jobs:
+        processor -= shared.imports  # the process that runs the jobs is the one that has checked them
     processor += sum(cost.kind.count * cost.seconds for cost in costs)
+    lights = shared.light_files(census.skies, len(census.groups()), census.jobs)
     parallel = min(workers * run.threads, machine.usable_cores())
     longest = max((cost.seconds / run.threads for cost in costs), default=0.0)
     wall = spent + max((processor - spent) / parallel, longest) if costs else spent
@@ -68,8 +71,8 @@ def forecast(
         source="probes" if probed else "rates",
         processor_seconds=processor,
         seconds=wall,
-        bytes=round(sum(cost.kind.count * cost.bytes for cost in costs) + census.skies * shared.light_bytes),
-        files=sum(cost.kind.count * cost.files for cost in costs) + census.skies,
+        bytes=round(sum(cost.kind.count * cost.bytes for cost in costs) + lights * shared.light_bytes),
+        files=sum(cost.kind.count * cost.files for cost in costs) + lights,
         free_bytes=machine.free_disk(out),
         executor=run.executor,
         workers=workers,

@@ -140,7 +140,7 @@ class _Run:
 
     def __init__(self, request: dict[str, Any], on_progress: Callable[[Progress], None]) -> None:
         self._request, self._on_progress = request, on_progress
-        self.seconds = 0.0
+        self.seconds = self.imports = 0.0
         self.runs = 0
         self.shared: dict[str, Any] = {}
 
@@ -149,10 +149,12 @@ class _Run:
         found: list[dict[str, Any]] = []
         while len(found) < len(asked):
             rest = asked[len(found) :]
-            said, code, seconds = self._child(rest, len(found), len(asked))
+            (begun, *said), code, seconds = self._child(rest, len(found), len(asked))
+            self.imports = begun["imports"]
             self.seconds, self.runs = self.seconds + seconds, self.runs + 1
             for one in said[len(rest) :]:
-                self.shared.update({key: one[key] for key in ("sky", "then", "lights") if key in one})
+                self.shared.update({key: one[key] for key in ("sky", "light", "then") if key in one})
+                self.seconds -= one.get("spent", 0.0)
             found += said[: len(rest)]
             if len(said) < len(rest):  # the child ended in this group
                 found.append({"error": f"ended its process ({_ending(code)})"})
@@ -181,7 +183,10 @@ class _Run:
             for line in child.stdout:
                 said.append(json.loads(line))
                 number = min(done + len(said), total)
-                self._on_progress(Progress(number, total, f"probing kind {number} of {total}", 1.0))
+                if len(said) <= len(groups):
+                    self._on_progress(Progress(number - 1, total, f"probing kind {number} of {total}"))
+        if not said:
+            raise MachineError(f"the probe did not start ({_ending(child.returncode)})", fix="use --no-probe")
         return said, child.returncode, sum(os.times()[2:4]) - before
 
 
@@ -198,15 +203,19 @@ def _found(good: Sequence[tuple[tuple[str, list[Kind]], dict[str, Any]]], run: _
     others = [max(0.0, answer["first"] - answer["again"][0]) for answer in answers[1:]]
     first = max(0.0, answers[0]["first"] - answers[0]["again"][0] - sky)
     material = sum(others) / len(others) if others else first
-    spent = sum(answer["first"] + sum(answer["again"]) + answer["planning"] for answer in answers)
+    spent = sum(answer["spent"] for answer in answers)
     start = max(0.0, run.seconds / run.runs - spent / run.runs) + max(0.0, first - material)
-    lights = shared.get("lights") or [answer["light"] for answer in answers if answer["light"]]
+    lights = {answer["light"]: answer["light_bytes"] for answer in answers}  # of the materials under one sky
+    other = shared.get("light", answers[-1]["light_bytes"]) / answers[-1]["light_bytes"]
+    light_bytes = sum(lights.values()) / len(lights) * (1 + other) / 2
     rates, planned = dict[str, Rates](), dict[int, Planned]()
     for number, ((group, kinds), answer) in enumerate(good):
         own = others[number - 1] if number else min(first, material)
         rates[group] = _rates(kinds, answer, own, shared.get("then", 0.0))
         planned |= {id(kind): _planned(kind, sized) for kind, sized in zip(kinds, answer["sized"], strict=True)}
-    return Probed(rates, planned, SharedRates(start, sky, sum(lights) / max(len(lights), 1)), tuple(notes))
+    return Probed(
+        rates, planned, SharedRates(start, run.imports, sky, light_bytes, len(lights) / len(answers)), tuple(notes)
+    )
 
 
 def _rates(kinds: Sequence[Kind], answer: dict[str, Any], material: float, then: float) -> Rates:

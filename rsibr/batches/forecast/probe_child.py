@@ -25,7 +25,7 @@ from rsibr.batches.worker import run_job
 from rsibr.errors import CheckFailed, RsibrError
 from rsibr.planning.costs import Costs, priced
 from rsibr.scene.config import parse_config
-from rsibr.store.manifest import MAPS_NAME
+from rsibr.store.manifest import MANIFEST_NAME, MAPS_NAME, read_manifest
 
 
 def main() -> None:
@@ -39,6 +39,7 @@ def main() -> None:
 
 
 def _answers(asked: Mapping[str, Any], folder: Path) -> Iterator[dict[str, Any]]:
+    yield {"imports": processor_seconds()}
     probe = _Probe(folder, asked["threads"])
     for group in asked["groups"]:
         yield _told(lambda group=group: probe.group(group))  # type: ignore[misc]
@@ -46,7 +47,6 @@ def _answers(asked: Mapping[str, Any], folder: Path) -> Iterator[dict[str, Any]]
         yield _told(lambda: probe.under_another_sky(asked["sky"]))
     if asked["then"] is not None:
         yield _told(lambda: probe.with_steps(Then.from_record(asked["then"])))
-    yield {"lights": [file.stat().st_size for file in folder.glob("lights/*.exr")]}
 
 
 def _told(work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
@@ -73,6 +73,13 @@ class _Probe:
             raise CheckFailed(result.reason or "failed", where=job.name)
         return processor_seconds() - before
 
+    @property
+    def _light(self) -> tuple[str, int]:
+        """Checksum and size of the light of the last bake."""
+        light = read_manifest(self._folder / self.last.bake / MANIFEST_NAME).light
+        assert light is not None
+        return light.sha256, light.bytes
+
     def again(self, job: Job, samples: int) -> float:
         """Processor time of a job with another number of samples, whose material and sky are known [s]."""
         sampling = {name: value for name, value in job.settings["sampling"].items() if name not in _COUNTS}
@@ -81,12 +88,13 @@ class _Probe:
     def under_another_sky(self, environment: Mapping[str, Any]) -> dict[str, Any]:
         """What the last job takes more under a sky that is not known yet."""
         other = replace(self.last, settings={**self.last.settings, "environment": environment})
-        return {"sky": self.run(other) - self.run(other), "light": _own_light(self._folder / self.last.bake)}
+        first, again = self.run(other), self.run(other)
+        return {"sky": first - again, "light": self._light[1], "spent": first + again}
 
     def with_steps(self, then: Then) -> dict[str, Any]:
         """What the steps after the last job take."""
-        without = self.run(self.last)
-        return {"then": self.run(replace(self.last, then=then)) - without}
+        without, with_them = self.run(self.last), self.run(replace(self.last, then=then))
+        return {"then": with_them - without, "spent": with_them + without}
 
     def group(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """What a group takes: a job for the first time, again, and with more samples; and how it is planned."""
@@ -97,7 +105,8 @@ class _Probe:
         bake = self._folder / self.last.bake
         maps = [file.stat().st_size for file in (bake / MAPS_NAME).glob("*.exr")]
         files = [file for file in bake.rglob("*") if file.is_file()]
-        beside = sum(file.stat().st_size for file in files) - sum(maps) - _own_light(bake)
+        beside = sum(file.stat().st_size for file in files) - sum(maps)
+        light, light_bytes = self._light
         scene = Scene.prepare(parse_config(self.last.settings, Path()))
         return {
             "first": first,
@@ -105,22 +114,17 @@ class _Probe:
             "views": len(maps),
             "resolution": scene.resolution,
             "beside": beside + (self._folder / self.last.result).stat().st_size,
-            "files": len(files) - len(maps) - bool(_own_light(bake)) + 1,
-            "light": _own_light(bake),
+            "files": len(files) - len(maps) + 1,
+            "light": light,
+            "light_bytes": light_bytes,
             "map_bytes": sum(maps) / len(maps),
             "store": map_overhead(scene.integrator),
             "sized": [_planned(scene, settings, sum(maps) / len(maps)) for settings in asked["sized"]],
-            "planning": processor_seconds() - begun,
+            "spent": first + sum(again) + processor_seconds() - begun,
         }
 
 
 _COUNTS = ("samples", "target_error", "time_budget_s")
-
-
-def _own_light(bake: Path) -> int:
-    """Bytes of the light in the directory of a bake; 0 where it is shared."""
-    file = bake / "light.exr"
-    return file.stat().st_size if file.exists() else 0
 
 
 def _planned(scene: Scene, settings: Mapping[str, Any], map_bytes: float) -> dict[str, Any]:

@@ -67,15 +67,25 @@ class SharedRates:
     ----------
     start : float
         A worker: its process, imports, first kernels [s].
+    imports : float
+        Part of it that a process has behind it which has checked the jobs [s].
     sky : float
         A sky that a worker meets for the first time [s].
     light_bytes : float
-        Light file of a sky.
+        A light file.
+    lights : float
+        Light files of a sky for each material and its settings: 1, where all differ with the lobes of the material.
     """
 
     start: float
+    imports: float
     sky: float
     light_bytes: float
+    lights: float
+
+    def light_files(self, skies: int, groups: int, jobs: int) -> int:
+        """Number of light files of a batch."""
+        return min(jobs, skies * max(1, round(self.lights * groups)))
 
 
 TYPICAL = Rates(
@@ -91,4 +101,4 @@ TYPICAL = Rates(
 )
 """Rates of a material of three lobes on a server's core, where nothing is measured."""
 
-TYPICAL_SHARED = SharedRates(start=3.0, sky=1.0, light_bytes=3e6)
+TYPICAL_SHARED = SharedRates(start=3.0, imports=1.2, sky=1.0, light_bytes=1.5e7, lights=1.0)

@@ -42,6 +42,7 @@ class LobeSummaryModel(StrictModel):
     rel_mse_range: Interval
     light: float
     worst_views: int = Field(ge=0, description="number of views at which this lobe has the largest error")
+    title: str = Field("", description="what the lobe is, for readers")
 
     @classmethod
     def of(cls, summary: LobeSummary) -> LobeSummaryModel:

@@ -15,7 +15,7 @@ from rsibr.validation.report import pictures
 from rsibr.validation.report.object_document import object_document
 from rsibr.validation.report.page import render
 from rsibr.validation.report.pictures import FLIP, RELATIVE_ERROR, Rgba
-from rsibr.validation.report.report import REPORT_NAME, write_pictures
+from rsibr.validation.report.report import PICTURES_NAME, REPORT_NAME, write_pictures
 
 OBJECT_METRICS_NAME = "object.json"
 
@@ -43,7 +43,7 @@ def write_object_report(validation: ObjectValidation, directory: Path) -> Path:
         If the directory cannot be written.
     """
     drawn = _draw(validation)
-    files = {f"object_{file_stem(name)}.png": picture for name, picture in drawn.items()}
+    files = {_file_name(name): picture for name, picture in drawn.items()}
     write_pictures(directory, "object_*.png", files)
     document = object_document(validation)
     write_atomic(directory / OBJECT_METRICS_NAME, document.to_json().encode())
@@ -52,11 +52,18 @@ def write_object_report(validation: ObjectValidation, directory: Path) -> Path:
         validation=validation,
         document=document,
         drawn=drawn,
+        file=lambda of: f"{PICTURES_NAME}/{_file_name(of)}",
+        ordered=[validation.best, *(name for name in validation.methods if name != validation.best)],
         definitions=definitions,
         zone_colours={name: "#{:02x}{:02x}{:02x}".format(*colour) for name, colour in _ZONE_COLOURS.items()},
     )
     write_atomic(directory / REPORT_NAME, page.encode())
     return directory / REPORT_NAME
+
+
+def _file_name(of: str) -> str:
+    """Name of an image in `pictures/`."""
+    return f"object_{file_stem(of)}.png"
 
 
 def _draw(validation: ObjectValidation) -> dict[str, Rgba]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
@@ -14,7 +15,10 @@ from rsibr.validation.report.pictures import FLIP, RELATIVE_ERROR, Rgba, Scale
 from rsibr.version import __version__
 
 _LONGEST_EMBEDDED = 256
-"""Maximum texels a side of the images in the page; the files in `pictures/` have full size."""
+"""Maximum texels a side of the images in the page, unless a template says another; files in `pictures/` are whole."""
+
+_THUMBNAIL = 64
+"""The same of the small images that stand for a view in an index."""
 
 
 def render(template: str, *, package: str = "", **values: Any) -> str:
@@ -40,10 +44,13 @@ def render(template: str, *, package: str = "", **values: Any) -> str:
     environment.filters |= {
         "number": number,
         "estimate": estimate,
+        "brief": brief,
         "plus_minus": plus_minus,
         "duration": duration,
         "size": size,
         "picture": _embedded,
+        "false_colour": partial(_embedded, exact=True),
+        "thumbnail": partial(_embedded, longest=_THUMBNAIL),
     }
     environment.globals |= {
         "ticks": _ticks,
@@ -57,8 +64,8 @@ def render(template: str, *, package: str = "", **values: Any) -> str:
     return environment.get_template(template).render(**values)
 
 
-def _embedded(picture: Rgba) -> str:
-    return pictures.data_uri(pictures.shrunk(picture, _LONGEST_EMBEDDED))
+def _embedded(picture: Rgba, longest: int = _LONGEST_EMBEDDED, *, exact: bool = False) -> str:
+    return pictures.data_uri(pictures.shrunk(picture, longest), exact=exact)
 
 
 def _ticks(scale: Scale) -> list[tuple[float, str]]:
@@ -74,6 +81,11 @@ def number(value: float | None, digits: int = 3) -> str:
 def estimate(value: Estimate) -> str:
     """Format an estimate with its interval."""
     return _kept_together(str(value))
+
+
+def brief(value: Estimate) -> str:
+    """Format an estimate with two digits; below the noise floor as its upper limit: `< 0.0025`."""
+    return _kept_together(f"< {readable(value.ci95[1], 2)}") if value.below_noise_floor else number(value.value, 2)
 
 
 def plus_minus(value: Estimate) -> str:

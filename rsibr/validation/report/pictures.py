@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import base64
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib import colormaps
 from numpy.typing import NDArray
+from PIL import Image
 from scipy.ndimage import binary_dilation
 
 from rsibr.store.png_file import Rgba, exposure_of, to_bytes, tone_mapped
@@ -69,6 +71,11 @@ FLIP = Scale("HDR-FLIP", 0.0, 1.0, False, ((0.0, "0"), (0.25, "0.25"), (0.5, "0.
 
 COLOUR_MAP = "magma"
 """Perceptually uniform, readable without colour vision; the default of FLIP."""
+
+_COLOURS = 64
+_QUALITY = 90
+_EFFORT = 4
+"""Of WebP, from 0 to 6."""
 
 
 def display_exposure(references: Sequence[Reference]) -> float:
@@ -145,6 +152,24 @@ def shrunk(picture: Rgba, longest: int) -> Rgba:
     return to_bytes(mean)
 
 
-def data_uri(picture: Rgba) -> str:
-    """Encode an image as a data URI, to embed it in HTML."""
-    return "data:image/png;base64," + base64.b64encode(png(picture)).decode("ascii")
+def data_uri(picture: Rgba, *, exact: bool = False) -> str:
+    """Encode an image as a data URI, to embed it in HTML.
+
+    Parameters
+    ----------
+    picture : ndarray, shape (H, W, 4), uint8
+    exact : bool
+        Lossless in 64 colours, for false colour; otherwise WebP of high quality, an eighth of the size of a PNG.
+
+    Returns
+    -------
+    str
+        `data:image/webp;base64,…`
+    """
+    stream = io.BytesIO()
+    image = Image.fromarray(picture)
+    if exact:
+        image.quantize(_COLOURS).save(stream, "WEBP", lossless=True, method=_EFFORT)
+    else:
+        image.save(stream, "WEBP", quality=_QUALITY, method=_EFFORT)
+    return "data:image/webp;base64," + base64.b64encode(stream.getvalue()).decode("ascii")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.methods.method_name import file_stem
+from rsibr.methods.registry import baseline_method
 from rsibr.store.atomic import unwritable, write_atomic
 from rsibr.store.directory import make_own_folder
 from rsibr.validation.health.health_report import write_health_pictures
@@ -24,6 +25,9 @@ from rsibr.validation.results import Validation, ViewResult
 REPORT_NAME = "report.html"
 METRICS_NAME = "metrics.json"
 PICTURES_NAME = "pictures"
+
+_MOST_VIEWS = 24
+"""Maximum number of views whose pictures are in the page, about a third of a MiB each with nine methods."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +52,19 @@ class _ViewPictures:
 
     def named(self, number: int) -> Iterator[tuple[str, Rgba]]:
         """Yield file names and images."""
-        yield f"view_{number:02d}_reference.png", self.reference
-        yield f"view_{number:02d}_reference_noise.png", self.noise
+        yield _file_name(number, "reference"), self.reference
+        yield _file_name(number, "reference_noise"), self.noise
         for kind, by_method in (("", self.images), ("_error", self.errors), ("_flip", self.flips)):
             for method, picture in by_method.items():
-                yield f"view_{number:02d}_{file_stem(method)}{kind}.png", picture
+                yield _file_name(number, method + kind), picture
         for lobe, drawn in self.lobes.items():
             for kind, picture in vars(drawn).items():
-                yield f"view_{number:02d}_lobe_{lobe}_{kind}.png", picture
+                yield _file_name(number, f"lobe_{lobe}_{kind}"), picture
+
+
+def _file_name(number: int, of: str) -> str:
+    """Name of an image of a view in `pictures/`."""
+    return f"view_{number:02d}_{file_stem(of)}.png"
 
 
 def write_report(validation: Validation, directory: Path) -> Path:
@@ -135,14 +144,38 @@ def _draw(validation: Validation) -> list[_ViewPictures]:
     return [drawn(view) for view in validation.views]
 
 
+@dataclass(frozen=True, eq=False)
+class _ShownView:
+    """A view in the page: its number among all, results and images."""
+
+    number: int
+    result: ViewResult
+    drawn: _ViewPictures
+
+    @property
+    def id(self) -> str:
+        """Name in the page."""
+        return f"view-{self.number}"
+
+    def file(self, of: str) -> str:
+        """Path of the whole image, from the page."""
+        return f"{PICTURES_NAME}/{_file_name(self.number, of)}"
+
+
 def _page(validation: Validation, drawn: list[_ViewPictures]) -> str:
     summary = validation.summary
+    ranking = sorted(summary, key=lambda name: summary[name].rel_mse.value)
+    views = [_ShownView(n, *one) for n, one in enumerate(zip(validation.views, drawn, strict=True), 1)]
+    worst_first = sorted(views, key=lambda one: -one.result.methods[ranking[0]].error.rel_mse.value)
     return render(
         "report.html.j2",
         validation=validation,
         document=metrics_document(validation),
-        views=list(zip(validation.views, drawn, strict=True)),
-        ranking=sorted(summary, key=lambda name: summary[name].rel_mse.value),
+        views=sorted(worst_first[:_MOST_VIEWS], key=lambda one: one.number),
+        ranking=ranking,
+        rivals=[name for name in dict.fromkeys([*ranking[1:2], baseline_method()]) if name in ranking[1:]],
+        ordered=[ranking[0], *(name for name in summary if name != ranking[0])],
+        titles={name: one.title for name, one in validation.lobe_summary.items()},
         health=validation.health,
         plan=validation.plan,
     )

@@ -265,7 +265,7 @@ def test_the_files_hold_what_was_found(sound, tmp_path):
     assert "Unusable" in page.text
     assert f"{SICK}, 10, 21" in page.text
     assert page.open == []
-    assert all(reference.startswith("data:image/png;base64,") for reference in page.references)
+    assert all(reference.startswith("data:image/webp;base64,") for reference in page.references)
     assert {path.name for path in (out / "pictures").iterdir()} == {f"health_view_{SICK:04d}.png"}
     check(sound, out=out)
     assert not (out / "pictures" / f"health_view_{SICK:04d}.png").exists()

@@ -108,14 +108,14 @@ def test_the_documented_schema_is_that_of_the_code():
 
 def test_the_page_needs_nothing_but_itself(page):
     assert page.references
-    assert all(reference.startswith("data:image/png;base64,") for reference in page.references)
-    assert "script" not in page.tags
+    assert all(reference.startswith("data:image/webp;base64,") for reference in page.references)
+    assert page.tags.count("script") == 1  # its text stands in the page: a source would be among the references
     assert page.open == []
 
 
 def test_the_page_shows_every_method_at_every_view(page, validation):
-    # A view: reference, its noise; of each method the map, the relative error, FLIP.
-    assert page.tags.count("img") == 2 * (2 + 3 * 3)
+    # A view: its small image in the index, reference, its noise; of each method the map, the relative error, FLIP.
+    assert page.tags.count("img") == 2 * (3 + 3 * 3)
     assert page.tags.count("section") == 2
     for name in validation.methods:
         assert page.text.count(name) >= 2 * 2 + 2
@@ -157,10 +157,10 @@ def test_the_page_names_the_worst_lobe_of_each_view(validation, tmp_path):
     parsed = Page()
     parsed.feed(write_report(with_lobes(validation), tmp_path).read_text(encoding="utf-8"))
     first, second = parsed.text.split("View 2")
-    assert "Of the lobes of rsibr, coat has the largest error here" in first
-    assert "Of the lobes of rsibr, diffuse has the largest error here" in second
-    assert "A path tracer cannot separate lobes" in first
-    assert parsed.tags.count("img") == 2 * (2 + 3 * 3) + 2 * 2 * 3  # of each lobe its reference, our part, the error
+    assert "Of the lobes of rsibr, clear coat, α 0.015 has the largest error here" in first
+    assert "Of the lobes of rsibr, diffuse under a coat has the largest error here" in second
+    assert "A path tracer cannot separate lobes" in second
+    assert parsed.tags.count("img") == 2 * (3 + 3 * 3) + 2 * 2 * 3  # of each lobe its reference, our part, the error
     assert parsed.open == []
     names = {path.name for path in (tmp_path / "pictures").iterdir()}
     assert {f"view_02_lobe_coat_{kind}.png" for kind in ("reference", "image", "error")} <= names

@@ -1,0 +1,1 @@
+"""Gallery of a batch: a contact sheet of all its bakes in one HTML page."""
