@@ -141,8 +141,8 @@ class BatchTable:
         passed = self.now() - (self.now() if self._begun is None else self._begun)
         if over and passed > 0:
             parts.append(f"{60 * over / passed:.3g} a minute")
-            if self.jobs:
-                parts.append(f"{_time(max(0, self.jobs - over) * passed / over)} left")
+            if over < self.jobs:
+                parts.append(f"{_time((self.jobs - over) * passed / over)} left")
         return " · ".join(parts)
 
     def render(self) -> RenderableType:
@@ -161,7 +161,9 @@ class BatchTable:
                 table.add_row(*self._row(name, row))
             more = len(self._workers) - len(shown)
             rest = [Text(f"and {more} more workers", style="dim")] if more else []
-            return Group(Text(self.summary(), style="bold"), bar, table, *rest)
+            line = Table.grid(expand=True)  # a bar by itself would end no line
+            line.add_row(bar)
+            return Group(Text(self.summary(), style="bold"), line, table, *rest)
 
     def _row(self, name: str, row: _Worker) -> tuple[RenderableType, ...]:
         if not row.job:

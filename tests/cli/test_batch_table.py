@@ -64,9 +64,10 @@ def test_lines_where_there_is_no_terminal(clock):
 def test_the_table_on_a_terminal(clock):
     stream = io.StringIO()
     with played(Console(file=stream, width=100, force_terminal=True, color_system=None), clock) as table:
-        shown = Console(file=io.StringIO(), width=100, record=True)
+        shown = Console(file=io.StringIO(), width=100, force_terminal=True, record=True)
         shown.print(table.render())
         told = shown.export_text()
+    assert told.splitlines()[2].split() == ["worker", "job", "running", "for", "ended"]
     assert "1 of 10 done · 1 running · 1 failed · 2 a minute · 4 min left" in told
     assert "worker 1" not in told
     row = next(line for line in told.splitlines() if line.startswith("worker 2"))
