@@ -19,6 +19,7 @@ from rsibr.batches.config import RunConfig
 from rsibr.batches.coordinator import run_jobs
 from rsibr.batches.events import Finished, Note, Progressed, Started, WorkerGone
 from rsibr.batches.executors import dask as dask_executor
+from rsibr.batches.executors import registry
 from rsibr.batches.executors.registry import executor_names, executor_of
 from rsibr.batches.executors.serial import IN_HAND
 from rsibr.batches.result import read_result
@@ -148,6 +149,15 @@ def test_executors_are_found_by_name():
     assert executor_names() == ["dask", "processes", "serial"]
     with pytest.raises(InputError, match=r"unknown executor 'proceses'\. Did you mean 'processes'"):
         executor_of("proceses")
+
+
+def test_an_executor_of_ones_own_runs_as_its_page_has_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(registry, "_REGISTERED", {**registry._REGISTERED})
+    page = (ROOT / "docs" / "how-to" / "batch-faults.md").read_text(encoding="utf-8")
+    exec(page.rpartition("```python\n")[2].partition("```")[0], {})
+    told = Told()
+    assert run_jobs([job("a", None)], tmp_path, RunConfig(executor="here"), told).done == 1
+    assert [type(event).__name__ for event in told.events] == ["WorkerUp", "Started", "Stopped", "Finished"]
 
 
 def test_a_coordinator_loads_no_mitsuba():
