@@ -1,8 +1,8 @@
 """Lock of the directory of a batch: one coordinator at a time, or one of each shard.
 
-The system's lock is released when its holder ends, also by `kill -9`. It may hold on one machine only, as on a network's
-file system that is mounted without locks. So the holder also writes who it is, and a count that it raises; whoever
-finds the note of another machine watches the count for some time. No clocks of two machines are compared.
+The system's lock is released when its holder ends, also by `kill -9`. It may hold on one machine only, as on a
+network's file system that is mounted without locks. So the holder also writes who it is, and a count that it raises;
+whoever finds the note of another machine watches the count for some time. No clocks of two machines are compared.
 """
 
 from __future__ import annotations
@@ -39,7 +39,9 @@ _UNSUPPORTED = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 
 
 @contextmanager
-def batch_lock(out: Path, shard: Shard | None = None, on_wait: Callable[[str], None] = lambda _: None) -> Iterator[None]:
+def batch_lock(
+    out: Path, shard: Shard | None = None, on_wait: Callable[[str], None] = lambda _: None
+) -> Iterator[None]:
     """Hold the directory of a batch inside the block.
 
     Parameters

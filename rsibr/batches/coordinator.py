@@ -1,4 +1,4 @@
-"""Coordinator of a batch: holds its directory, and has an executor run its jobs. Loads Mitsuba only to run them here."""
+"""Coordinator of a batch: holds its directory, and has an executor run its jobs. It needs no Mitsuba itself."""
 
 from __future__ import annotations
 

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 
@@ -31,9 +31,9 @@ from rsibr.scene.config import ViewsConfig
 SPLIT_ABOVE = 24
 """Views above which a bake may be split over several workers.
 
-Each worker that takes part prepares the scene again, which costs as much as dozens of small views (measured: 3 s of
-processor; two workers that shared a bake of 12 views did 11 and 1 of them). So a bake is split only if it is larger, and
-only where fewer jobs wait than there are workers, which would be idle otherwise.
+Each worker that takes part prepares the scene again, which costs as much as dozens of small views: measured were 3 s of
+processor, and two workers that shared a bake of 12 views did 11 and 1 of them. So a bake is split only if it is larger,
+and only where fewer jobs wait than there are workers, which would be idle otherwise.
 """
 
 CHUNK = 12
@@ -356,8 +356,8 @@ class Ledger:
             split.processor_seconds += task.processor_seconds + outcome.processor_seconds
         split = self._splits[task.job.name]
         if split.open == 0:
-            spent = {"seconds": split.seconds, "processor_seconds": split.processor_seconds}
-            self._parts.append(Task(split.job, "finish", attempt=split.attempts, **spent))
+            end = Task(split.job, "finish", attempt=split.attempts)
+            self._parts.append(end.after(split.seconds, split.processor_seconds))
 
     def _close(self, result: JobResult) -> None:
         """Record a failure; parts of its bake that wait are dropped."""
@@ -384,5 +384,7 @@ class Ledger:
 def is_large(job: Job) -> bool:
     """Whether a bake may be split; one with a budget of its own decides on its views first, in one process."""
     with suppress(RsibrError, ValueError, KeyError):
-        return "budget" not in job.settings and view_count(ViewsConfig.model_validate(job.settings["views"])) > SPLIT_ABOVE
+        return (
+            "budget" not in job.settings and view_count(ViewsConfig.model_validate(job.settings["views"])) > SPLIT_ABOVE
+        )
     return False

@@ -60,13 +60,16 @@ class Task:
             return f"{len(self.views)} views"
         return "" if self.step == "whole" else self.step
 
+    def after(self, seconds: float, processor_seconds: float) -> Task:
+        """Return the task with these times added to those of what came before it [s]."""
+        return replace(
+            self, seconds=self.seconds + seconds, processor_seconds=self.processor_seconds + processor_seconds
+        )
+
     def again(self, seconds: float, processor_seconds: float = 0.0, *, alone: bool = False, avoid: str = "") -> Task:
         """Return the next attempt, after one that took these times [s]."""
-        spent = {
-            "seconds": self.seconds + seconds,
-            "processor_seconds": self.processor_seconds + processor_seconds,
-        }
-        return replace(self, attempt=self.attempt + 1, alone=self.alone or alone, avoid=avoid, **spent)
+        spent = self.after(seconds, processor_seconds)
+        return replace(spent, attempt=self.attempt + 1, alone=self.alone or alone, avoid=avoid)
 
     def to_record(self) -> dict[str, Any]:
         """Return the task as JSON data; `from_record` reads it back."""

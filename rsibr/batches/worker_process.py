@@ -11,6 +11,7 @@ import os
 import signal
 import subprocess
 import tempfile
+from contextlib import suppress
 from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any
@@ -56,10 +57,8 @@ class WorkerProcess:
         """Give it a task; it begins once it is done with its start."""
         self.is_fresh = False
         message = {"task": task.to_record(), "out": str(out.absolute()), "threads": threads}
-        try:
+        with suppress(OSError):  # it has ended, which `receive` tells
             self.connection.send_bytes(json.dumps(message).encode())
-        except OSError:
-            pass  # it has ended, which `receive` tells
 
     def receive(self) -> dict[str, Any] | None:
         """Next message, waiting for it: `{"ready": …}`, `{"share": …}` or `{"outcome": …}`; None at its end."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -59,11 +59,21 @@ def batch(
     check_output_folder(place)
     from rsibr.batches.batch import batch as run
     from rsibr.batches.batch import reindex as run_reindex
+    from rsibr.cli.batch_table import BatchTable
+    from rsibr.cli.console import console
 
     if reindex:
         report = run_reindex(place, file.stem)
     else:
-        with _progress() as show:
+        with ExitStack() as checking, BatchTable(console) as table:
+            show = checking.enter_context(_progress())
+
+            def begin(found: ForecastRecord) -> None:
+                checking.close()  # the bars of the checks, before the table
+                if not dry_run:
+                    table.jobs = found.jobs
+                    _note_forecast(found)
+
             report = run(
                 file,
                 out=place,
@@ -75,7 +85,8 @@ def batch(
                 dry_run=dry_run,
                 probe=not no_probe,
                 on_progress=show,
-                on_forecast=_note_forecast if not dry_run else lambda _: None,
+                on_forecast=begin,
+                on_event=table,
                 allow_large=allow_large,
             )
     typer.echo(report.document.to_json()) if json_output else _print(report)

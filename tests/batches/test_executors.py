@@ -19,6 +19,7 @@ from rsibr.batches.config import RunConfig
 from rsibr.batches.coordinator import run_jobs
 from rsibr.batches.events import Finished, Note, Progressed, Started, WorkerGone
 from rsibr.batches.executors import dask as dask_executor
+from rsibr.batches.executors import registry
 from rsibr.batches.executors.registry import executor_names, executor_of
 from rsibr.batches.executors.serial import IN_HAND
 from rsibr.batches.result import read_result
@@ -150,6 +151,15 @@ def test_executors_are_found_by_name():
         executor_of("proceses")
 
 
+def test_an_executor_of_ones_own_runs_as_its_page_has_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(registry, "_REGISTERED", {**registry._REGISTERED})
+    page = (ROOT / "docs" / "how-to" / "batch-faults.md").read_text(encoding="utf-8")
+    exec(page.rpartition("```python\n")[2].partition("```")[0], {})
+    told = Told()
+    assert run_jobs([job("a", None)], tmp_path, RunConfig(executor="here"), told).done == 1
+    assert [type(event).__name__ for event in told.events] == ["WorkerUp", "Started", "Stopped", "Finished"]
+
+
 def test_a_coordinator_loads_no_mitsuba():
     code = (
         "import sys; from rsibr.batches.coordinator import run_jobs; from rsibr.batches.executors.registry import *\n"
@@ -197,8 +207,12 @@ def test_a_killed_coordinator_is_resumed_without_baking_anything_twice(four, und
     first.until("Finished")
     first.until("Started" if run is SERIAL else "Progressed")
     assert first.end(signal.SIGKILL) < 5.0
-    before = {path: path.stat().st_mtime_ns for one in mine for path in (tmp_path / one.bake).glob("maps/*")
-              if read_result(tmp_path, one.name)}
+    before = {
+        path: path.stat().st_mtime_ns
+        for one in mine
+        for path in (tmp_path / one.bake).glob("maps/*")
+        if read_result(tmp_path, one.name)
+    }
     assert before
     told = Told()
     assert run_jobs(mine, tmp_path, SERIAL, told, shard=shard).done == len(mine)
@@ -222,7 +236,9 @@ def test_sigterm_ends_the_workers_in_time_and_leaves_what_can_be_resumed(asymmet
 
 @pytest.mark.slow
 def test_one_segfaulting_material_among_six(asymmetric_environment, tmp_path):
-    jobs = [job(f"good-{number}", asymmetric_environment, sampling={"samples": 4, "seed": number}) for number in range(5)]
+    jobs = [
+        job(f"good-{number}", asymmetric_environment, sampling={"samples": 4, "seed": number}) for number in range(5)
+    ]
     jobs.insert(1, job("bad", asymmetric_environment, {"folder": tmp_path, "habit": "segfault"}))
     told, out = Told(), tmp_path / "out"
     ran = run_jobs(jobs, out, TWO, told)
@@ -237,7 +253,9 @@ def test_one_segfaulting_material_among_six(asymmetric_environment, tmp_path):
 
 @pytest.mark.slow
 def test_a_job_that_ends_a_worker_of_dask_is_named_with_its_signal(asymmetric_environment, tmp_path):
-    jobs = [job(f"good-{number}", asymmetric_environment, sampling={"samples": 4, "seed": number}) for number in range(2)]
+    jobs = [
+        job(f"good-{number}", asymmetric_environment, sampling={"samples": 4, "seed": number}) for number in range(2)
+    ]
     jobs.insert(0, job("bad", asymmetric_environment, {"folder": tmp_path, "habit": "segfault"}))
     told, out = Told(), tmp_path / "out"
     ran = run_jobs(jobs, out, DASK, told)
@@ -266,7 +284,10 @@ def test_a_job_that_ends_the_process_of_a_serial_batch_ends_only_itself_at_the_n
 @pytest.mark.slow
 def test_a_full_disk_of_one_worker_costs_no_job(asymmetric_environment, tmp_path):
     full = {"folder": tmp_path, "habit": "full disk", "mark": str(tmp_path / "full")}
-    jobs = [job(f"job-{number}", asymmetric_environment, full, sampling={"samples": 4, "seed": number}) for number in range(5)]
+    jobs = [
+        job(f"job-{number}", asymmetric_environment, full, sampling={"samples": 4, "seed": number})
+        for number in range(5)
+    ]
     told = Told()
     ran = run_jobs(jobs, tmp_path / "out", TWO, told)
     assert (ran.done, ran.failed) == (5, 0)
@@ -291,7 +312,8 @@ def test_a_lost_scheduler_is_one_clear_line_and_costs_nothing_whole(four, undist
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": os.environ | {"PYTHONPATH": str(ROOT)}}
     address = tmp_path / "scheduler.json"
     scheduler = subprocess.Popen(
-        [*dask, "scheduler", "--port", "0", "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(address)], **quiet
+        [*dask, "scheduler", "--port", "0", "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(address)],
+        **quiet,
     )
     worker = subprocess.Popen(
         [*dask, "worker", "--scheduler-file", str(address), "--nthreads", "1", "--no-dashboard", "--no-nanny"], **quiet
@@ -311,7 +333,7 @@ def test_a_lost_scheduler_is_one_clear_line_and_costs_nothing_whole(four, undist
         for process in (worker, scheduler):
             process.kill()
             process.wait(30)
-    whole = [path for path in (tmp_path / "out" / "results").rglob("*.json")]
+    whole = list((tmp_path / "out" / "results").rglob("*.json"))
     assert whole
     before = {path: path.stat().st_mtime_ns for path in whole}
     assert run_jobs(four, tmp_path / "out", TWO).done == 4

@@ -38,7 +38,9 @@ class Processes:
                     slot.take()
                 busy = {slot.process.connection: slot for slot in slots if slot.process and slot.task}
                 if not busy:
-                    raise MachineError("no worker can go on", fix="see the notes above, then run the same command again")
+                    raise MachineError(
+                        "no worker can go on", fix="see the notes above, then run the same command again"
+                    )
                 for connection in wait(list(busy)):
                     busy[connection].hear()  # type: ignore[index]
         finally:

@@ -43,7 +43,7 @@ class Serial:
         try:
             while (task := ledger.next(_NAME)) is not None:
                 if task.job.name == suspect:
-                    task, suspect = replace(task, attempt=2, alone=True), None  # noqa: PLW2901  # its next attempt
+                    task, suspect = replace(task, attempt=2, alone=True), None  # its next attempt
                 ledger.started(task, _NAME)
                 if task.alone:
                     _run_apart(task, ledger, run.threads)
