@@ -88,16 +88,8 @@ def test_forecast_of_a_batch(benchmark, tmp_path, executor):
     seconds, sizes = [], []
 
     def both():
-        words = [
-            RSIBR,
-            "batch",
-            str(file),
-            "--executor",
-            executor,
-            "--json",
-            "--out",
-            str(tmp_path / f"out-{len(sizes)}"),
-        ]
+        out = tmp_path / f"out-{len(sizes)}"
+        words = [RSIBR, "batch", str(file), "--executor", executor, "--json", "--out", str(out)]
         told = json.loads(subprocess.run([*words, "--dry-run"], capture_output=True, check=True).stdout)["forecast"]
         before = sum(os.times()[2:4])
         subprocess.run(words, capture_output=True, check=True)
