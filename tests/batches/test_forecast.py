@@ -56,11 +56,11 @@ def test_the_sum_is_that_of_the_parts(folder):
     rates = Rates(100.0, 1.0, 0.0, 0.0, 0.0, 0.0, 7000, 4, 0.0)
     groups = list(census.groups())
     planned = {id(kind): Planned(Size(1, 8, 16), 100.0) for kind in census.kinds}
-    shared = SharedRates(start=10_000.0, imports=2000.0, sky=1_000_000.0, light_bytes=10_000_000.0, lights=2 / 3)
+    shared = SharedRates(start=10_000.0, imports=2000.0, sky=1_000_000.0, light_bytes=10_000_000.0, lights=2)
     probed = Probed(dict.fromkeys(groups, rates), planned, shared, ("a note",))
     found = forecast(census, folder, RunConfig(executor="serial"), probed, 5, 0.25)
     assert found.processor_seconds == 0.25 + 36 * 1.0 + 3 * 100.0 + 8000.0 + 2 * 1_000_000.0
-    assert found.bytes == 36 * 7100 + 4 * 10_000_000  # two of three materials have lights of their own
+    assert found.bytes == 36 * 7100 + 4 * 10_000_000  # two lights a sky
     assert found.files == 36 * (4 + 1) + 4
     assert (found.jobs, found.already_done, found.source, found.notes) == (36, 5, "probes", ["a note"])
     assert found.kinds[0] == KindRecord(
