@@ -56,11 +56,11 @@ def test_the_sum_is_that_of_the_parts(folder):
     rates = Rates(100.0, 1.0, 0.0, 0.0, 0.0, 0.0, 7000, 4, 0.0)
     groups = list(census.groups())
     planned = {id(kind): Planned(Size(1, 8, 16), 100.0) for kind in census.kinds}
-    shared = SharedRates(start=10_000.0, imports=2000.0, sky=1_000_000.0, light_bytes=10_000_000.0, lights=2 / 3)
+    shared = SharedRates(start=10_000.0, imports=2000.0, sky=1_000_000.0, light_bytes=10_000_000.0, lights=2)
     probed = Probed(dict.fromkeys(groups, rates), planned, shared, ("a note",))
     found = forecast(census, folder, RunConfig(executor="serial"), probed, 5, 0.25)
     assert found.processor_seconds == 0.25 + 36 * 1.0 + 3 * 100.0 + 8000.0 + 2 * 1_000_000.0
-    assert found.bytes == 36 * 7100 + 4 * 10_000_000  # two of three materials have lights of their own
+    assert found.bytes == 36 * 7100 + 4 * 10_000_000  # two lights a sky
     assert found.files == 36 * (4 + 1) + 4
     assert (found.jobs, found.already_done, found.source, found.notes) == (36, 5, "probes", ["a note"])
     assert found.kinds[0] == KindRecord(
@@ -88,25 +88,26 @@ def test_a_dry_run_counts_what_is_done_and_writes_nothing(folder, tmp_path):
 
 
 MANY = """
-import json, resource, sys
+import json, sys
 from pathlib import Path
 from rsibr.batches.batch import batch
 report = batch(sys.argv[1], out=sys.argv[2], dry_run=True, probe=False)
 mitsuba = [name for name in sys.modules if name.split(".")[0] in ("mitsuba", "drjit")]
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+status = Path("/proc/self/status")  # unlike ru_maxrss it does not begin with the memory of the process that forked
+peak = int(status.read_text().partition("VmHWM:")[2].split()[0]) if status.exists() else 0
 print(json.dumps([report.document.jobs, len(report.document.forecast.kinds), mitsuba, peak * 1024]))
 """
 
 
-def test_two_hundred_thousand_jobs_need_neither_mitsuba_nor_memory(folder, tmp_path):
-    """1000 seeds × 200 angles of a sky; tests/benchmarks/test_dry_run.py times 1000 materials × 200 skies."""
+def test_many_jobs_need_neither_mitsuba_nor_memory(folder, tmp_path):
+    """1000 seeds × 20 angles of a sky; tests/benchmarks/test_dry_run.py has 1000 materials × 200 skies."""
     file = tmp_path / "many.toml"
     file.write_text(
         'base = {environment = {file = "sky.exr"}, material = {preset = "solid-red"}}\n[matrix]\n'
-        f'"sampling.seed" = {list(range(1000))}\n"environment.rotation_deg" = {list(range(200))}\n'
+        f'"sampling.seed" = {list(range(1000))}\n"environment.rotation_deg" = {list(range(20))}\n'
     )
     (tmp_path / "sky.exr").write_bytes((folder / "skies" / "noon.exr").read_bytes())
     words = [sys.executable, "-c", MANY, str(file), str(tmp_path / "out")]
     jobs, kinds, mitsuba, peak = json.loads(subprocess.run(words, capture_output=True, check=True).stdout)
-    assert (jobs, kinds, mitsuba) == (200_000, 1, [])
-    assert peak < 500e6
+    assert (jobs, kinds, mitsuba) == (20_000, 1, [])
+    assert peak < 150e6

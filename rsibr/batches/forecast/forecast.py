@@ -54,7 +54,7 @@ def forecast(
     if run.executor == "serial" and census.jobs:
         processor -= shared.imports  # the process that runs the jobs is the one that has checked them
     processor += sum(cost.kind.count * cost.seconds for cost in costs)
-    lights = shared.light_files(census.skies, len(census.groups()), census.jobs)
+    lights = shared.light_files(census.skies, census.jobs)
     parallel = min(workers * run.threads, machine.usable_cores())
     longest = max((cost.seconds / run.threads for cost in costs), default=0.0)
     wall = spent + max((processor - spent) / parallel, longest) if costs else spent

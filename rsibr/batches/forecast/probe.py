@@ -214,7 +214,7 @@ def _found(good: Sequence[tuple[tuple[str, list[Kind]], dict[str, Any]]], run: _
         rates[group] = _rates(kinds, answer, own, shared.get("then", 0.0))
         planned |= {id(kind): _planned(kind, sized) for kind, sized in zip(kinds, answer["sized"], strict=True)}
     return Probed(
-        rates, planned, SharedRates(start, run.imports, sky, light_bytes, len(lights) / len(answers)), tuple(notes)
+        rates, planned, SharedRates(start, run.imports, sky, light_bytes, len(lights)), tuple(notes)
     )
 
 

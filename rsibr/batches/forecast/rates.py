@@ -73,19 +73,19 @@ class SharedRates:
         A sky that a worker meets for the first time [s].
     light_bytes : float
         A light file.
-    lights : float
-        Light files of a sky for each material and its settings: 1, where all differ with the lobes of the material.
+    lights : int
+        Light files of a sky: materials share one, unless they need different parts of it.
     """
 
     start: float
     imports: float
     sky: float
     light_bytes: float
-    lights: float
+    lights: int
 
-    def light_files(self, skies: int, groups: int, jobs: int) -> int:
+    def light_files(self, skies: int, jobs: int) -> int:
         """Number of light files of a batch."""
-        return min(jobs, skies * max(1, round(self.lights * groups)))
+        return min(jobs, skies * self.lights)
 
 
 TYPICAL = Rates(
@@ -101,4 +101,4 @@ TYPICAL = Rates(
 )
 """Rates of a material of three lobes on a server's core, where nothing is measured."""
 
-TYPICAL_SHARED = SharedRates(start=3.0, imports=1.2, sky=1.0, light_bytes=1.5e7, lights=1.0)
+TYPICAL_SHARED = SharedRates(start=3.0, imports=1.2, sky=1.0, light_bytes=1.6e7, lights=1)
