@@ -1,24 +1,25 @@
 """Executor "serial": all jobs in this process, one after another.
 
-A job that ends its process ends the batch with it. The name of the job in hand is on the disk meanwhile: the next run
-finds it, and runs that job in a process of its own.
+A job that ends its process ends the batch with it. While a job is in hand, a mark is on the disk: the next run finds it,
+and runs that job in a process of its own.
 """
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 from rsibr.batches.config import RunConfig
 from rsibr.batches.executors.registry import register
 from rsibr.batches.ledger import Death, Ledger
 from rsibr.batches.tasks import Outcome, Task
 from rsibr.batches.worker_process import run_alone
-from rsibr.errors import RsibrError
-from rsibr.store.atomic import read_bytes, write_atomic
+from rsibr.store.atomic import unwritable
 
 IN_HAND = ".in-hand"
-"""File in the directory of a batch that names the job which this process runs."""
+"""Suffix of the mark, which lies beside the result of its job."""
 
 _NAME = "this process"
 
@@ -37,31 +38,37 @@ class Serial:
         """Run the tasks of a ledger; see `Executor`."""
         from rsibr.batches.worker import run_task  # noqa: PLC0415  # loads Mitsuba, which other executors do without
 
-        mark = ledger.out / IN_HAND
-        suspect = _named(ledger)
         ledger.worker_up(_NAME)
-        try:
-            while (task := ledger.next(_NAME)) is not None:
-                if task.job.name == suspect:
-                    task, suspect = replace(task, attempt=2, alone=True), None  # its next attempt
-                ledger.started(task, _NAME)
-                if task.alone:
-                    _run_apart(task, ledger, run.threads)
-                    continue
-                write_atomic(mark, task.job.name.encode())
+        while (task := ledger.next(_NAME)) is not None:
+            mark = (ledger.out / task.job.result).with_suffix(IN_HAND)
+            if mark.exists():
+                task = replace(task, attempt=task.attempt + 1, alone=True)  # its next attempt
+            ledger.started(task, _NAME)
+            if task.alone:
+                _run_apart(task, ledger, run.threads)
+                mark.unlink(missing_ok=True)
+                continue
 
-                def report(share: float, task: Task = task) -> None:
-                    ledger.progressed(task, share)
+            def report(share: float, task: Task = task) -> None:
+                ledger.progressed(task, share)
 
-                ledger.ended(task, run_task(task, ledger.out, threads=run.threads, on_progress=report))
-        finally:  # also at Ctrl-C: only a process that died in a job leaves the mark
-            mark.unlink(missing_ok=True)
+            with _marked(mark):
+                outcome = run_task(task, ledger.out, threads=run.threads, on_progress=report)
+            ledger.ended(task, outcome)
 
 
-def _named(ledger: Ledger) -> str | None:
-    with suppress(RsibrError):
-        return read_bytes(ledger.out / IN_HAND, most=2**16).decode(errors="replace")
-    return None
+@contextmanager
+def _marked(mark: Path) -> Iterator[None]:
+    """Leave a mark if the process dies in the block; not at Ctrl-C, which unwinds it."""
+    try:
+        mark.parent.mkdir(parents=True, exist_ok=True)
+        mark.touch()
+    except OSError as error:
+        raise unwritable(mark, error) from error
+    try:
+        yield
+    finally:
+        mark.unlink(missing_ok=True)
 
 
 def _run_apart(task: Task, ledger: Ledger, threads: int) -> None:
