@@ -1,7 +1,7 @@
 """Executor "serial": all jobs in this process, one after another.
 
-A job that ends its process ends the batch with it. While a job is in hand, a mark is on the disk: the next run finds it,
-and runs that job in a process of its own.
+A job that ends its process ends the batch with it. While a job is in hand, a mark is on the disk: the next run finds
+it, and runs that job in a process of its own.
 """
 
 from __future__ import annotations
