@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from rsibr.version import __version__
 
 if TYPE_CHECKING:
+    from rsibr.batches.batch import batch as batch
     from rsibr.budget.bake import bake as bake
     from rsibr.budget.bake import plan as plan
     from rsibr.capture.added_lamps import capture_light as capture_light
@@ -64,6 +65,7 @@ _HOME = {
     "MethodSet": "rsibr.methods.method_set",
     "PointwiseMethod": "rsibr.methods.protocol",
     "bake": "rsibr.budget.bake",
+    "batch": "rsibr.batches.batch",
     "capture_ball": "rsibr.capture.ball",
     "capture_hdr": "rsibr.capture.hdr",
     "capture_light": "rsibr.capture.added_lamps",
@@ -111,6 +113,7 @@ __all__ = [
     "PointwiseMethod",
     "__version__",
     "bake",
+    "batch",
     "capture_ball",
     "capture_hdr",
     "capture_light",

@@ -28,7 +28,8 @@ from rsibr.geometry.projections.projection import projection_names
 from rsibr.resources import scenes
 from rsibr.scene.config import Config, EnvironmentConfig, MaterialConfig, ViewsConfig, load_config, parse_config
 from rsibr.scene.environment import load_environment
-from rsibr.scene.material import PRESETS, load_material
+from rsibr.scene.material import load_material
+from rsibr.scene.presets import PRESETS
 from rsibr.scene.views import load_viewpoints
 from rsibr.store.bake import open_bake
 from rsibr.store.manifest import canonical, checksum

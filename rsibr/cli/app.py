@@ -9,6 +9,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from rsibr.cli.bake import bake
+from rsibr.cli.batch import batch
 from rsibr.cli.capture.group import capture
 from rsibr.cli.check import check
 from rsibr.cli.commands import Command, Commands
@@ -36,7 +37,22 @@ app = typer.Typer(
     rich_markup_mode=None,  # Rich would delay --help by half a second
     pretty_exceptions_enable=False,
 )
-for command in (demo, doctor, plan, bake, pack, check, reconstruct, render, publish, validate, study, compare):
+_COMMANDS = (
+    demo,
+    doctor,
+    plan,
+    bake,
+    batch,
+    pack,
+    check,
+    reconstruct,
+    render,
+    publish,
+    validate,
+    study,
+    compare,
+)
+for command in _COMMANDS:
     app.command(cls=Command)(command)
 app.add_typer(capture)
 

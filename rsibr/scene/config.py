@@ -178,7 +178,7 @@ class MaterialConfig(_Section):
     Attributes
     ----------
     preset : str, optional
-        Name of a material shipped with rsibr (`rsibr.scene.material.PRESETS`).
+        Name of a material shipped with rsibr (`rsibr.scene.presets.PRESETS`).
     bsdf : dict, optional
         Mitsuba BSDF as plain data.
     file : Path, optional
@@ -377,6 +377,10 @@ class EffectsConfig(_Section):
         if off and self.lobes == "off":
             raise ValueError(f"{', '.join(off)} can be left out only where lobes are kept apart: leave lobes at 'auto'")
         return self
+
+
+CHECKED_TOGETHER = (("sampling", "budget"),)
+"""Sections whose validity depends on each other; a validator of `Config` that reads two sections has an entry here."""
 
 
 class Config(_Section):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 from collections.abc import Collection
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -30,7 +30,7 @@ def describe(error: ValidationError, model: type[BaseModel], overridden: Collect
     list of str
         For each error the dotted key, the value, and the allowed values or the nearest known key.
     """
-    known = _known_keys(model)
+    known = known_keys(model)
     return [_phrase(dict(entry), known, overridden) for entry in error.errors(include_url=False)]
 
 
@@ -70,10 +70,13 @@ def _suggestion(key: str, known: list[str]) -> str:
     return f"known here: {', '.join(siblings)}"
 
 
-def _known_keys(model: type[BaseModel]) -> list[str]:
+def known_keys(model: type[BaseModel]) -> list[str]:
+    """Dotted keys of a model and of its sections."""
     names: list[str] = []
-    for name, field in model.model_fields.items():
+    for attribute, field in model.model_fields.items():
+        name = field.alias or attribute
         names.append(name)
-        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            names += [f"{name}.{inner}" for inner in _known_keys(field.annotation)]
+        for kind in (field.annotation, *get_args(field.annotation)):  # the section itself, or one that may be absent
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                names += [f"{name}.{inner}" for inner in known_keys(kind)]
     return names

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -12,26 +11,12 @@ import mitsuba as mi
 from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.regular_file import is_file
-from rsibr.resources import scenes
 from rsibr.scene.config import MaterialConfig
 from rsibr.scene.delta_direction import require_plain_mirror
 from rsibr.scene.mitsuba_bsdf import BsdfSource, bsdf_digest, load_bsdf
 from rsibr.scene.plugin import require_files
+from rsibr.scene.presets import preset_file
 from rsibr.scene.trial import require_survival, warn_untried
-
-PRESETS = (
-    "candy-red",
-    "clearcoat-red",
-    "glossy-plastic",
-    "matte-lambert",
-    "metallic-blue",
-    "metallic-silver",
-    "mirror-silver",
-    "pearl-white",
-    "rough-aluminium",
-    "solid-red",
-)
-"""Names of the materials shipped with rsibr, `scenes/materials/NAME.xml`."""
 
 VARYING = "varies over the surface: lobes are those of one place; expect larger errors between the stored views"
 
@@ -113,7 +98,7 @@ def _notes(bsdf: mi.BSDF) -> tuple[str, ...]:
 
 def _source_of(config: MaterialConfig) -> tuple[str, BsdfSource, str]:
     if config.preset is not None:
-        path = _preset_file(config.preset)
+        path = preset_file(config.preset)
         return config.preset, path, str(path)
     if config.bsdf is not None:
         require_files(config.bsdf, "material.bsdf")
@@ -122,17 +107,6 @@ def _source_of(config: MaterialConfig) -> tuple[str, BsdfSource, str]:
     if not is_file(path):
         raise InputError("there is no such material file", where=str(path), fix="check the path")
     return path.stem, path, str(path)
-
-
-def _preset_file(name: str) -> Path:
-    if name not in PRESETS:
-        near = difflib.get_close_matches(name, PRESETS, n=1)
-        raise InputError(
-            f"unknown preset '{name}'{f' (did you mean {near[0]!r}?)' if near else ''}",
-            where="material.preset",
-            fix=f"use one of: {', '.join(PRESETS)}",
-        )
-    return scenes() / "materials" / f"{name}.xml"
 
 
 def _require_opaque(bsdf: mi.BSDF, name: str, where: str) -> None:

@@ -57,21 +57,31 @@ def apply_overrides(data: Mapping[str, Any], overrides: Sequence[str]) -> dict[s
     >>> apply_overrides({"map": {"resolution": 64}}, ["map.resolution=128", "views.subdivision=1"])
     {'map': {'resolution': 128}, 'views': {'subdivision': 1}}
     """
-    result = deepcopy(dict(data))
-    parsed = [(text, *_parse(text)) for text in overrides]
-    for _, keys, _ in parsed:
-        _drop_alternatives(result, keys)
-    for text, keys, value in parsed:
-        _place(result, keys, value, text)
-    return result
+    parsed = [(text, *parse_override(text)) for text in overrides]
+    return _laid_over(data, parsed)
+
+
+def with_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of a config with the values of dotted keys, as `apply_overrides` does with `a.b=value`."""
+    return _laid_over(data, [(key, tuple(key.split(".")), value) for key, value in values.items()])
 
 
 def override_keys(overrides: Sequence[str]) -> set[str]:
     """Return the dotted keys that the overrides set."""
-    return {".".join(_parse(text)[0]) for text in overrides}
+    return {".".join(parse_override(text)[0]) for text in overrides}
 
 
-def _parse(text: str) -> tuple[tuple[str, ...], Any]:
+def _laid_over(data: Mapping[str, Any], placed: Sequence[tuple[str, tuple[str, ...], Any]]) -> dict[str, Any]:
+    result = deepcopy(dict(data))
+    for _, keys, _ in placed:
+        _drop_alternatives(result, keys)
+    for text, keys, value in placed:
+        _place(result, keys, value, text)
+    return result
+
+
+def parse_override(text: str) -> tuple[tuple[str, ...], Any]:
+    """Key and value of `a.b=value`; see `apply_overrides`."""
     dotted, equals, value = text.partition("=")
     keys = tuple(key.strip() for key in dotted.split("."))
     if not equals or not all(keys):

@@ -16,7 +16,7 @@ import os
 import signal
 import subprocess
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,12 @@ BEGUN = "rsibr trial begun"
 """Printed by the child once its imports succeeded; without it the interpreter could not run the trial."""
 
 _NAME_THE_MODULE = 'Name its module in the config, as in plugins = {modules = ["my_plugins"]}, or with --import'
+
+SURVIVED = "rsibr trial survived"
+"""Printed by the child after each of several sections."""
+
+MOST_TOGETHER = 200
+"""Sections of one child."""
 
 CHILD = "rsibr.scene.trial_child"
 """Module that loads an environment or a material."""
@@ -69,9 +75,66 @@ def require_survival(config: EnvironmentConfig | MaterialConfig, where: str, tim
     """
     if os.environ.get(IN_TRIAL):
         return ""
+    return require_survival_of(CHILD, _section(config), _types(config), _files(config), where, timeout)
+
+
+def try_together(
+    configs: Sequence[EnvironmentConfig | MaterialConfig], on_tried: Callable[[int], None] = lambda _: None
+) -> None:
+    """Load environments and materials one after the other in as few child processes as there are crashes, and one.
+
+    What survives is not tried again by `require_survival`; what crashes or hangs is, which then says so. A child takes
+    a second or two to start, and a thousand materials are a matter of seconds after that.
+
+    Parameters
+    ----------
+    configs : sequence of EnvironmentConfig or MaterialConfig
+        Sections of configs.
+    on_tried : callable
+        Called with the number of sections that are tried, after each child.
+
+    Raises
+    ------
+    InputError
+        If a file that a section names is gone.
+    """
+    wanted = [one for one in configs if not registered_by_hand(_types(one))]
+    contents = [_content_of(_section(one), _types(one), _files(one)) for one in wanted]
+    rest = [number for number, content in enumerate(contents) if content not in _survived]
+    while rest and not os.environ.get(IN_TRIAL):
+        several, rest = rest[:MOST_TOGETHER], rest[MOST_TOGETHER:]
+        document = {"several": [_section(wanted[number]) for number in several], "modules": list(plugin_modules())}
+        tried = _survivors(json.dumps(document), TIMEOUT + len(several))
+        if tried is None:
+            return
+        _survived.update(contents[number] for number in several[:tried])
+        rest = several[tried + 1 :] + rest  # without the one that ended the child
+        on_tried(len(wanted) - len(rest))
+
+
+def _survivors(document: str, timeout: float) -> int | None:
+    """How many sections a child has loaded until it ended; None if no interpreter could run one."""
+    for interpreter in interpreters():
+        try:
+            said: bytes = _run(interpreter, document, timeout, CHILD).stdout
+        except subprocess.TimeoutExpired as error:
+            said = error.stdout or b""
+        except OSError:
+            continue
+        if BEGUN.encode() in said:
+            return said.count(SURVIVED.encode())
+    return None
+
+
+def _section(config: EnvironmentConfig | MaterialConfig) -> dict[str, Any]:
     kind = "environment" if isinstance(config, EnvironmentConfig) else "material"
-    section = {kind: config.model_dump(mode="json", exclude_none=True)}
-    return require_survival_of(CHILD, section, _types(config), _files(config), where, timeout)
+    return {kind: config.model_dump(mode="json", exclude_none=True)}
+
+
+def _content_of(section: dict[str, Any], types: Iterable[str], files: Iterable[Path]) -> str:
+    """Digest of a section with the content of its files and of the plugins' source."""
+    contents = b"".join(map(_content, [*files, *sources_of(types)]))
+    return hashlib.sha256(json.dumps(section).encode() + contents).hexdigest()
 
 
 def require_survival_of(
@@ -105,8 +168,7 @@ def require_survival_of(
         names = ", ".join(f"'{name}'" for name in by_hand)
         return f"{names}: registered in this process only, where no other process finds it. {_NAME_THE_MODULE}"
     document = json.dumps(section | {"modules": list(plugin_modules())})
-    contents = b"".join(map(_content, [*files, *sources_of(types)]))
-    content = hashlib.sha256(json.dumps(section).encode() + contents).hexdigest()
+    content = _content_of(section, types, files)
     if content in _survived:
         return ""
     code = _run_child(document, where, timeout, child)
@@ -144,20 +206,25 @@ def _run_child(document: str, where: str, timeout: float = TIMEOUT, child: str =
 def _attempt(interpreter: str, document: str, where: str, timeout: float, child: str) -> tuple[int, bool]:
     """Exit code of one interpreter, and whether the trial began in it."""
     try:
-        done = subprocess.run(
-            [interpreter, "-P", "-m", child],
-            input=document.encode(),
-            env=os.environ | {IN_TRIAL: "1", "PYTHONPATH": search_path()},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            timeout=timeout,
-            check=False,
-        )
+        done = _run(interpreter, document, timeout, child)
     except subprocess.TimeoutExpired:
         raise InputError(f"Mitsuba did not load it within {timeout:.0f} s", where=where, fix="simplify it") from None
     except OSError:  # not executable, or not a program
         return 0, False
     return done.returncode, BEGUN.encode() in done.stdout
+
+
+def _run(interpreter: str, document: str, timeout: float, child: str) -> subprocess.CompletedProcess[bytes]:
+    """Run a trial to its end."""
+    return subprocess.run(
+        [interpreter, "-P", "-m", child],
+        input=document.encode(),
+        env=os.environ | {IN_TRIAL: "1", "PYTHONPATH": search_path()},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        timeout=timeout,
+        check=False,
+    )
 
 
 def _types(config: EnvironmentConfig | MaterialConfig) -> set[str]:

@@ -1,7 +1,7 @@
 """Child process of `rsibr.scene.trial`: loads a user's plugin, which may crash it.
 
 `python -m rsibr.scene.trial_child` reads one config section as JSON from stdin, loads it with the code that the caller
-is about to use, and evaluates and samples it once.
+is about to use, and evaluates and samples it once; or several, under the key `several`, and says which survived.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +22,20 @@ from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
 from rsibr.scene.material import load_material
 from rsibr.scene.python_plugins import load_plugins
-from rsibr.scene.trial import BEGUN
+from rsibr.scene.trial import BEGUN, SURVIVED
 
 _DIRECTIONS = 64
 
 
 def try_section(document: dict[str, Any]) -> None:
-    """Load, evaluate and sample the section in `document`; raises what the loader raises."""
+    """Load, evaluate and sample the section in `document`, or each of several; raises what the loader of one raises."""
     load_plugins(document.get("modules", ()))
+    for section in document.get("several", ()):
+        with suppress(RsibrError, RuntimeError):  # the parent process will raise it
+            try_section(section)
+        print(SURVIVED, flush=True)  # noqa: T201  # for the parent process
+    if "several" in document:
+        return
     context = {"base": Path.cwd()}
     if "environment" in document:
         load_environment(EnvironmentConfig.model_validate(document["environment"], context=context))

@@ -9,13 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
-
-import mitsuba as mi
 
 from rsibr.errors import InputError
 from rsibr.scene.spectrum_file import read_spectrum
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 _DEEPEST = 15
 """Depth of includes, as in Mitsuba."""
@@ -71,9 +75,11 @@ class XmlFiles:
 
     def resolver(self) -> mi.FileResolver:
         """Resolver by which Mitsuba finds the same files, and those that it brings along."""
+        import mitsuba as mi  # noqa: PLC0415  # files are checked without it, a thousand materials in a moment
+
         resolver = mi.FileResolver()
         resolver.clear()
-        for folder in (*self.folders, Path(mi.__file__).parent):
+        for folder in (*self.folders, mitsuba_folder()):
             resolver.append(str(folder))
         return resolver
 
@@ -111,13 +117,20 @@ class XmlFiles:
         return found
 
     def _candidates(self, name: str) -> Iterator[Path]:
-        return (folder / name for folder in (*self.folders, Path(mi.__file__).parent))
+        return (folder / name for folder in (*self.folders, mitsuba_folder()))
 
     def _filled(self, name: str) -> str:
         """Put the values of `<default>` in place of `$name`, longest names first, as Mitsuba does."""
         for key in sorted(self._defaults, key=len, reverse=True):
             name = name.replace(f"${key}", self._defaults[key])
         return name
+
+
+@cache
+def mitsuba_folder() -> Path:
+    """Folder of the files that Mitsuba brings along; it is not imported to tell."""
+    found = find_spec("mitsuba")
+    return Path(found.origin if found and found.origin else ".").parent
 
 
 def _walk(

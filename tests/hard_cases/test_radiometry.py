@@ -21,7 +21,8 @@ from rsibr.methods.warp_blend.blend import nearest_mix
 from rsibr.methods.warp_blend.warp import WARPS, MirrorWarp
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
-from rsibr.scene.material import PRESETS, load_material
+from rsibr.scene.material import load_material
+from rsibr.scene.presets import PRESETS
 from rsibr.store.health import map_health
 from rsibr.validation.flip import exposures_for
 from rsibr.validation.metrics import compare

@@ -9,7 +9,8 @@ from rsibr.lobes.bsdf_eval import RETRO_RATIO
 from rsibr.lobes.split import LobeSplit
 from rsibr.planning.material_probe import probe_material
 from rsibr.scene.config import MaterialConfig
-from rsibr.scene.material import PRESETS, load_material
+from rsibr.scene.material import load_material
+from rsibr.scene.presets import PRESETS
 from tests.planning.scenes import BRUSHED, DIFFUSE, METAL, MIRROR, PLASTIC, RED, RETRO
 
 

@@ -10,7 +10,8 @@ import pytest
 from rsibr.errors import InputError
 from rsibr.resources import scenes
 from rsibr.scene.config import MaterialConfig
-from rsibr.scene.material import PRESETS, load_material
+from rsibr.scene.material import load_material
+from rsibr.scene.presets import PRESETS
 
 LAMBERT = '<bsdf version="3.0.0" type="diffuse"><rgb name="reflectance" value="0.2, 0.4, 0.6"/></bsdf>'
 

@@ -33,6 +33,25 @@ def test_a_plugin_that_segfaults_is_the_users_mistake(tmp_path, monkeypatch):
             load_material(config)
 
 
+def test_many_materials_are_tried_in_one_process_and_a_crash_costs_one_more(tmp_path, monkeypatch):
+    """What survives is not tried again; what crashes is, and is told as ever."""
+    (tmp_path / "sitecustomize.py").write_text(UNGUARDED)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    good = [MaterialConfig(bsdf={"type": "diffuse", "reflectance": value}) for value in (0.1, 0.2, 0.3, 0.4)]
+    crash, refused = MaterialConfig(bsdf={"type": "blendbsdf"}), MaterialConfig(bsdf={"type": "diffuse", "nonsense": 1})
+    children, real = [], subprocess.run
+    monkeypatch.setattr(
+        trial.subprocess, "run", lambda *given, **options: children.append(0) or real(*given, **options)
+    )
+    tried = []
+    trial.try_together([good[0], refused, good[1], crash, *good[2:]], tried.append)
+    assert (len(children), tried) == (2, [4, 6])
+    assert [trial.require_survival(one, "here") for one in (*good, refused)] == [""] * 5
+    assert len(children) == 2
+    with pytest.raises(InputError, match="crashed"):
+        trial.require_survival(crash, "here")
+
+
 def _blend_xml(folder):
     path = folder / "blend.xml"
     path.write_text('<bsdf version="3.0.0" type="blendbsdf"/>')

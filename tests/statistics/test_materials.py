@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from rsibr.scene.config import MaterialConfig
-from rsibr.scene.material import PRESETS, load_material
+from rsibr.scene.material import load_material
+from rsibr.scene.presets import PRESETS
 from tests.arrays import to_numpy, unit_vectors, vector
 
 SMOOTH = tuple(name for name in PRESETS if name != "mirror-silver")

@@ -1,0 +1,1 @@
+"""Forecast of a batch: jobs by kind, probes, rates, and what follows from them."""
