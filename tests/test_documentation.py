@@ -22,6 +22,7 @@ import rsibr
 from rsibr.cli.app import app
 from rsibr.methods.protocol import Method
 from rsibr.methods.registry import registration, unregister
+from rsibr.publishing import registry
 from rsibr.scene.config import Config
 from rsibr.store.bake import open_bake
 from rsibr.store.manifest import Manifest
@@ -256,8 +257,11 @@ def test_the_example_of_a_material_samples_what_it_evaluates():
 def test_the_example_of_an_exporter_writes_what_the_bake_holds(tmp_path: Path):
     synthetic.write(tmp_path / "paint.rsibr")
     bake = open_bake(tmp_path / "paint.rsibr")
-    export = run(page("extend/exporter.md").blocks("python")[0])["export_rgba"]
-    written = export(bake, tmp_path / "rgba")  # type: ignore[operator]
+    run(page("extend/exporter.md").blocks("python")[0])
+    try:
+        written = rsibr.publish(bake, "all", {"rgba-exr": {"gain": 1.0}}, tmp_path / "rgba").files
+    finally:
+        registry.unregister("rgba-exr")
     assert len(written) == bake.view_count
     with OpenEXR.File(str(written[1])) as file:
         pixels = file.channels()["RGBA"].pixels
@@ -269,7 +273,7 @@ def test_the_example_of_an_exporter_writes_what_the_bake_holds(tmp_path: Path):
 
 def test_the_example_of_a_reader_needs_no_rsibr(tmp_path: Path):
     synthetic.write(tmp_path / "paint.rsibr")
-    reader = page("how-to/other-programs.md").blocks("python")[0].partition("\nfor path")[0]
+    reader = page("how-to/other-programs.md").blocks("python")[1].partition("\nfor path")[0]
     radiance, coverage, frame = run(reader)["read_map"](tmp_path / "paint.rsibr" / "maps" / "view_0002.exr")  # type: ignore[operator]
     stored = open_bake(tmp_path / "paint.rsibr").map(2)
     np.testing.assert_array_equal(radiance, stored.radiance)

@@ -28,7 +28,7 @@ def test_an_unknown_name_is_an_attribute_error():
         _ = rsibr.bakes
 
 
-FUNCTIONS = ("bake", "check", "load_config", "open_bake", "plan", "reconstruct", "study", "validate")
+FUNCTIONS = ("bake", "check", "load_config", "open_bake", "plan", "publish", "reconstruct", "study", "validate")
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

@@ -125,7 +125,8 @@ def publish(
     )
     places = [f"{stem}.{name}" if name else stem for name in source.names] if of_views else []
     endings = [(place, one) for place in places for one in of_views] + [(stem, one) for one in of_light]
-    _check_absent([folder / f"{place}.{ending}" for place, one in endings for ending in one.files], fresh)
+    writers = _writers([(f"{place}.{ending}", one.name) for place, one in endings for ending in one.files])
+    _check_absent([folder / name for name in writers], fresh)
     source.admit(allow_large)
 
     jobs: list[_Job] = [(of_light, 1, partial(_light, opened, stem))] if of_light else []
@@ -166,6 +167,16 @@ def _chosen(formats: Formats) -> list[Format]:
 
 def _light(bake: StoredMaps, stem: str) -> PublishedLight:
     return PublishedLight(stem, bake.manifest.environment.name, bake.light)
+
+
+def _writers(files: Sequence[tuple[str, str]]) -> dict[str, str]:
+    """Format of each file name; an InputError if two formats write one."""
+    writers: dict[str, str] = {}
+    for file, name in files:
+        if writers.setdefault(file, name) != name:
+            fix = "publish them into two folders"
+            raise InputError(f"{writers[file]} and {name} both write {file}", where="formats", fix=fix)
+    return writers
 
 
 def _check_absent(files: Sequence[Path], fresh: bool) -> None:

@@ -1,9 +1,9 @@
 """Registry of formats by name. A format registers itself in its own file; no other file refers to it by name.
 
 Modules below `rsibr/publishing/formats/` are found by import, formats of installed packages by entry points of the
-group `rsibr.formats`:
+group `rsibr.publishing.formats`:
 
-    [project.entry-points."rsibr.formats"]
+    [project.entry-points."rsibr.publishing.formats"]
     tables = "my_package.tables"
 """
 
@@ -20,7 +20,7 @@ from rsibr.methods.address import code_at, is_address
 from rsibr.methods.method_name import parse_name
 from rsibr.registered import import_all, keyword_options
 
-ENTRY_POINTS = "rsibr.formats"
+ENTRY_POINTS = "rsibr.publishing.formats"
 """Entry-point group in which other packages declare formats."""
 
 Subject = Literal["view", "light"]
@@ -86,12 +86,15 @@ class Format:
 
         Raises
         ------
-        ValueError
-            If it makes other files than it declares: a fault of the format.
+        InputError
+            If an option has an invalid value, or the format cannot hold the subject. If it makes other files than it
+            declares, which is a fault of the format.
         """
         made = self.make(subject, **self.chosen)
-        if set(made.files) != set(self.files):
-            raise ValueError(f"format {self.name} declares the files {self.files} and makes {tuple(made.files)}")
+        found = tuple(made.files) if isinstance(made, Encoded) else (type(made).__name__,)
+        if set(found) != set(self.files):
+            what = f"declares the files {', '.join(self.files)} and makes {', '.join(found)}"
+            raise InputError(what, where=f"format {self.name}", fix="mend its code")
         return made
 
     def with_options(self, options: Mapping[str, Any]) -> Format:

@@ -189,8 +189,8 @@ def decode_map(data: bytes, where: str) -> MapFile:
             headers = [dict(part.header) for part in file.parts]
             images = {part.name(): _pixels(part) for part in file.parts}
             grey = all("Y" in part.channels for part in file.parts)
-        whole_map = images.pop(WHOLE) if len(images.keys() - {VARIANCE, COVERAGE}) > 1 and WHOLE in images else None
-        map_file = _assemble(headers, images, whole_map, grey)
+        stored_sum = images.pop(WHOLE) if len(images.keys() - {VARIANCE, COVERAGE}) > 1 and WHOLE in images else None
+        map_file = _assemble(headers, images, stored_sum, grey)
         whole = _agree(headers) and headers[0][DIGEST_KEY] == map_digest(map_file)
     except KeyError as error:
         raise BakeError(f"is not a whole map of rsibr: {error.args[0]} is missing", where=where) from error
@@ -198,13 +198,13 @@ def decode_map(data: bytes, where: str) -> MapFile:
         raise BakeError("is not an OpenEXR map of rsibr, or is truncated or altered", where=where) from error
     if not whole:
         raise BakeError("is truncated or altered: its pixels do not match its headers", where=where)
-    if whole_map is not None and not np.array_equal(whole_map, map_file.radiance, equal_nan=True):
+    if stored_sum is not None and not np.array_equal(stored_sum, map_file.radiance, equal_nan=True):
         raise BakeError(f"is altered: its part {WHOLE} is not the sum of its lobes", where=where)
     return map_file
 
 
-def _assemble(headers: list[dict[str, Any]], images: dict[str, Image], whole_map: Image | None, grey: bool) -> MapFile:
-    if len(images) + (whole_map is not None) != len(headers) or not headers:
+def _assemble(headers: list[dict[str, Any]], images: dict[str, Image], stored_sum: Image | None, grey: bool) -> MapFile:
+    if len(images) + (stored_sum is not None) != len(headers) or not headers:
         raise ValueError("parts are missing or share a name")
     coverage, variance = images.pop(COVERAGE), images.pop(VARIANCE, None)
     view, frame = (np.array(headers[0][key], np.float64) for key in (VIEW_KEY, FRAME_KEY))

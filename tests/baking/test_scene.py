@@ -3,6 +3,7 @@
 import time
 from collections import Counter
 
+import drjit as dr
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ import rsibr
 from rsibr.baking import finished, loader, parts
 from rsibr.baking.finished import finished_bake
 from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.remembered import Remembered, in_this_process
 from rsibr.baking.scene import Scene
 from rsibr.lobes.split import LobeSplit
 from rsibr.scene.config import load_config
@@ -29,6 +31,7 @@ samples = 16
 seed = 7
 """
 LOADED = {"environment": 1, "material": 1}
+PROBED = {"material probe": 1, "light probe": 1}
 DECODED = {"decoded maps": 12, "decoded lights": 1}
 
 
@@ -41,7 +44,8 @@ def config(tmp_path, asymmetric_environment):
 
 @pytest.fixture
 def made(monkeypatch):
-    """Count how often each part of a scene is made."""
+    """Count how often each part of a scene is made, by a process that has made none yet."""
+    in_this_process.forget()
     counts = Counter()
 
     def counted(place, name, label):
@@ -56,7 +60,8 @@ def made(monkeypatch):
     counted(loader, "load_environment", "environment")
     counted(health, "load_environment", "environment")
     counted(loader, "load_material", "material")
-    counted(parts, "probe_scene", "probes")
+    counted(parts, "probe_material", "material probe")
+    counted(parts, "probe_light", "light probe")
     counted(parts, "light_of", "light")
     counted(LobeSplit, "of", "fit")
     counted(bake_store, "decode_map", "decoded maps")
@@ -68,7 +73,7 @@ def made(monkeypatch):
 
 def test_one_bake_makes_each_part_once(config, tmp_path, made):
     rsibr.bake(config, out=tmp_path / "b.rsibr")
-    assert made == LOADED | {"probes": 1, "fit": 1, "plan": 1, "light": 1, "integrator": 1}
+    assert made == LOADED | {**PROBED, "fit": 1, "plan": 1, "light": 1, "integrator": 1}
 
 
 @pytest.mark.slow
@@ -77,16 +82,16 @@ def test_a_budget_bake_makes_each_part_once_for_choice_bake_and_what_was_reached
     baked = rsibr.bake(config, out=tmp_path / "b.rsibr", overrides=["budget.error=0.2"])
     assert baked.manifest.budget.reached_error is not None
     assert made.pop("plan") == 3
-    assert made == LOADED | {"probes": 1, "fit": 1, "light": 1, "integrator": 1, **DECODED}
+    assert made == LOADED | {**PROBED, "fit": 1, "light": 1, "integrator": 1, **DECODED}
 
 
 @pytest.mark.slow
-def test_one_validation_loads_once_and_fits_once(config, tmp_path, made):
+def test_one_validation_loads_once_and_fits_nothing_again(config, tmp_path, made):
     baked = rsibr.bake(config, out=tmp_path / "b.rsibr")
     made.clear()
     found = validate(baked, views=[[1, 2, 3]], samples=64)
     assert found.lobe_summary
-    assert made == LOADED | {"fit": 1, "integrator": 1, **DECODED}
+    assert made == LOADED | {"integrator": 1, **DECODED}  # the fit of the bake is remembered
 
 
 def test_a_validation_of_a_prepared_scene_loads_nothing(config, tmp_path, made):
@@ -163,7 +168,7 @@ def test_a_scene_of_another_size_shares_what_no_size_decides(config, made):
     assert other.light is scene.light
     assert other.lobes is scene.lobes
     assert [s.integrator.coverage.shape[0] for s in (scene, other)] == [16, 32]
-    assert made == LOADED | {"probes": 1, "fit": 1, "plan": 2, "light": 1, "integrator": 1}
+    assert made == LOADED | {**PROBED, "fit": 1, "plan": 2, "light": 1, "integrator": 1}
     with pytest.raises(ValueError, match="the material"):
         scene.resized(load_config(config, ["material.preset=matte-lambert"]))
 
@@ -180,7 +185,7 @@ def test_scenes_of_one_loader_share_what_they_name_alike(config, made):
     assert one.parts.seconds == other.parts.seconds > 0  # each counts the time, whoever loaded them
 
 
-def test_what_was_released_is_made_again(config, made):
+def test_what_was_released_is_made_again_and_what_scenes_share_is_not(config, made):
     scene = Scene.prepare(config)
     loaded = scene.parts.seconds
     before = scene.parts.split.names
@@ -188,4 +193,60 @@ def test_what_was_released_is_made_again(config, made):
     scene.parts.release()
     assert scene.parts.seconds == loaded
     assert scene.parts.split.names == before
-    assert made == LOADED | {"fit": 2}
+    assert made == LOADED | {"fit": 1}
+    assert scene.parts.seconds > loaded  # counts as if it had been made again
+
+
+def test_materials_and_skies_in_turn_are_probed_and_fitted_once_each(config, made, tmp_path, gradient_sky):
+    """Two materials under two skies: four bakes, whose lights are two files."""
+    for sky in ([], [f"environment.file={gradient_sky}"]):
+        for material in ("glossy-plastic", "solid-red"):
+            name = f"{material}-{len(sky)}.rsibr"
+            overrides = [*sky, f"material.preset={material}"]
+            rsibr.bake(config, out=tmp_path / name, overrides=overrides, lights=tmp_path / "lights")
+    assert [made[name] for name in ("fit", "material probe", "light probe", "light")] == [2, 2, 2, 2]
+    assert len(list((tmp_path / "lights").iterdir())) == 2
+
+
+@pytest.mark.slow
+def test_what_is_remembered_goes_by_content_and_changes_no_bit(config, tmp_path, gradient_sky, asymmetric_environment):
+    """A sky that changes under its name is another sky; one that comes back is the same."""
+    sky = tmp_path / "sky.exr"
+    overrides, bits = [f"environment.file={sky}"], []
+    for content, forget in ((asymmetric_environment, True), (gradient_sky, False), (asymmetric_environment, False)):
+        sky.write_bytes(content.read_bytes())
+        if forget:
+            in_this_process.forget()
+        baked = rsibr.bake(config, out=tmp_path / f"{len(bits)}.rsibr", overrides=overrides)
+        bits.append([*(state.sha256 for state in baked.manifest.views), baked.manifest.light.sha256])
+    assert bits[0] == bits[2]
+    assert not set(bits[0]) & set(bits[1])
+
+
+@pytest.mark.slow
+def test_a_bake_of_a_known_sky_and_material_compiles_nothing(config, tmp_path):
+    """Nor one of another material of the same kind under a known sky, if both were met before."""
+    turned = "environment.rotation_deg=90"
+    pairs = [("clearcoat-red", []), ("candy-red", []), ("clearcoat-red", [turned])]
+    for place, (material, sky) in enumerate(pairs):
+        rsibr.bake(config, out=tmp_path / f"{place}.rsibr", overrides=[*sky, f"material.preset={material}"])
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        rsibr.bake(config, out=tmp_path / "last.rsibr", overrides=[turned, "material.preset=candy-red"])
+        kernels = [kernel for kernel in dr.kernel_history() if kernel["type"] == dr.KernelType.JIT]
+    assert kernels
+    assert all(kernel["cache_hit"] and not kernel["cache_disk"] for kernel in kernels)
+
+
+def test_the_longest_unused_is_forgotten_first_and_memory_is_bounded():
+    kept = Remembered(most_bytes=100)
+    for name in "abc":
+        kept.keep(name, name.upper(), 0.5, 40)
+        kept.find("a")
+    assert kept.find("a") == ("A", 0.5)
+    assert kept.find("b") is None
+    assert kept.find("c") == ("C", 0.5)
+    kept.keep("huge", "HUGE", 0.5, 101)
+    assert kept.find("huge") is None
+    kept.keep("a", "new", 0.1, 100)
+    assert (kept.find("a"), kept.find("c"), kept.size) == (("new", 0.1), None, 100)

@@ -227,8 +227,7 @@ def test_a_killed_coordinator_is_resumed_without_baking_anything_twice(four, und
 def test_sigterm_ends_the_workers_in_time_and_leaves_what_can_be_resumed(asymmetric_environment, tmp_path):
     long = job("a", asymmetric_environment, "solid-red", map={"resolution": 256}, sampling={"samples": 4096})
     first = Coordinator([long], tmp_path, TWO)
-    first.until("Started")
-    time.sleep(2.0)  # into its kernels
+    first.until("Progressed")  # it is in its kernels
     assert first.end(signal.SIGTERM) < 5.0
     shutil.rmtree(tmp_path / long.bake)  # it would take a while
     assert run_jobs([job("b", None)], tmp_path, SERIAL).done == 1  # no lock is left

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,10 @@ from rsibr.baking.baker import bake
 from rsibr.errors import InputError
 from rsibr.publishing.publish import publish, stem_of
 from rsibr.publishing.registry import Encoded, format_of, formats, formats_of, register, unregister
+from rsibr.publishing.view_source import ViewSource
 from rsibr.store.bake import open_bake
+from rsibr.store.described_maps import MapsInMemory
+from rsibr.store.layers import layered
 from tests.cli.command import CONFIG, Shell, write_config
 from tests.publishing import programs, six_colours
 from tests.store import synthetic
@@ -103,6 +107,29 @@ def test_files_that_are_there_are_not_replaced_unless_told(plastic, tmp_path):
     assert (tmp_path / "red_paint.dds").read_text() == "mine"
     publish(plastic, (1, 2, 3), SMALL, tmp_path, fresh=True)
     assert (tmp_path / "red_paint.dds").read_bytes()[:4] == b"DDS "
+
+
+def test_two_formats_do_not_write_one_file(plastic, tmp_path):
+    register("other", summary="writes a file of another format's name", files=("dds",))(
+        lambda view: Encoded({"dds": b""})
+    )
+    try:
+        with pytest.raises(InputError, match=r"dds and other both write red_paint\.dds"):
+            publish(plastic, (1, 2, 3), "dds,other", tmp_path / "out")
+    finally:
+        unregister("other")
+    assert not (tmp_path / "out").exists()
+
+
+def test_maps_that_hold_lobes_added_up_are_made_by_a_method(plastic):
+    """Where further views store the sum of the lobes alone, passes of all views come from one source."""
+    lobes = tuple(lobe.model_copy(update={"views": 6}) for lobe in plastic.manifest.lobes)
+    mixed = MapsInMemory(plastic.path, plastic.manifest.model_copy(update={"lobes": lobes}), (), plastic.light)
+    mixed = replace(mixed, maps=tuple(layered(plastic.map(k), lobes, k) for k in range(12)))
+    found = ViewSource.of(mixed, "all", None, None, split=True)
+    assert (found.method, len(found.notes)) == ("rsibr", 1)
+    assert ViewSource.of(mixed, "all", None, None, split=False).method is None
+    assert ViewSource.of(plastic, "all", None, None, split=True).method is None
 
 
 def test_a_bake_of_one_layer_has_no_passes(tmp_path):
@@ -208,7 +235,7 @@ def test_a_format_must_make_what_it_declares():
         return Encoded({"b": b""})
 
     try:
-        with pytest.raises(ValueError, match="liar declares"):
+        with pytest.raises(InputError, match="liar: declares the files a and makes b"):
             format_of("liar").encode(None)
     finally:
         unregister("liar")
@@ -249,3 +276,29 @@ def test_the_command(plastic, shell, tmp_path):
     shell.refuses("publish", there, "--as", "dds", "--out", tmp_path / "c", says="--view: no view is named")
     shell.refuses("publish", there, "--as", "dds", "--view", "all", "--view", "1,2,3", "--out", tmp_path, says="--view")
     shell.refuses("publish", there, "--as", "ddss", "--view", "1,2,3", "--out", tmp_path, says="--as: unknown format")
+
+
+def test_a_package_declares_formats_by_an_entry_point(monkeypatch):
+    from importlib.metadata import EntryPoint
+
+    from rsibr.publishing import registry
+
+    loaded = []
+    monkeypatch.setattr(EntryPoint, "load", lambda self: loaded.append(self.value))
+    points = [EntryPoint("tables", "package.tables", registry.ENTRY_POINTS)]
+    monkeypatch.setattr(registry, "entry_points", lambda group: points if group == registry.ENTRY_POINTS else [])
+    registry._discover.cache_clear()
+    assert "ktx2" in formats()
+    assert loaded == ["package.tables"]
+
+    def broken(self):
+        raise RuntimeError("no")
+
+    monkeypatch.setattr(EntryPoint, "load", broken)
+    registry._discover.cache_clear()
+    with pytest.raises(
+        InputError, match=r"'tables' of rsibr\.publishing\.formats \(package\.tables\).*RuntimeError: no"
+    ):
+        formats()
+    monkeypatch.undo()
+    registry._discover.cache_clear()

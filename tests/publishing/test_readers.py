@@ -215,6 +215,23 @@ def test_a_gpu_looks_cubes_up_by_world_directions(tmp_path, view):
         assert np.ptp(np.array(smallest["values"])[:, :3], axis=0).max() > 0.1  # faces differ: level 6 was there
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("call", "name", "gamma"), [("ballOfBabylon", "dds", 2.2), ("ballOfThree", "latlong-hdr", 1)])
+def test_a_mirror_in_another_program_shows_the_map(tmp_path, view, call, name, gamma):
+    """A ball rendered as the documentation says, seen from v, is the sphere map; Babylon.js shows it with a gamma."""
+    (file,) = (file for ending, file in written(tmp_path, view, name).items() if not ending.endswith("txt"))
+    with programs.page(tmp_path) as page:
+        page.wait_for_function("!!window.readers", timeout=60_000)
+        read = page.evaluate(f"([name, v]) => window.readers.{call}(name, v)", [file.name, VIEW.tolist()])
+    image = np.array(read).reshape(96, 96, 4)[::-1]
+    assert image[48, 48, 3] == 1
+    d, _ = places()
+    well_inside = d @ VIEW > -0.7
+    assert well_inside.sum() > 40
+    read, expected = on_the_ball(image, view.frame)
+    seen(read[well_inside] ** gamma, expected[well_inside], tolerance=0.04)
+
+
 def test_a_dds_header_is_microsofts(tmp_path, view):
     """Sizes and fields by their offsets in DDS_HEADER and DDS_HEADER_DXT10; the pixels are Babylon.js's to read."""
     files = written(tmp_path, view, "dds", size=SIZE)

@@ -11,6 +11,7 @@ import pytest
 
 from rsibr.baking import view
 from rsibr.baking.baker import bake
+from rsibr.baking.remembered import in_this_process
 from rsibr.errors import BakeError
 from rsibr.geometry.projections import octahedral, sphere_image
 from rsibr.geometry.projections.latlong import MITSUBA
@@ -252,6 +253,7 @@ def test_a_bake_that_goes_on_makes_no_second_light(config, tmp_path, monkeypatch
             bake(config, out=tmp_path / "b.rsibr")
     with pytest.raises(BakeError, match=r"0 of \d+ views"):
         open_bake(tmp_path / "b.rsibr")
+    in_this_process.forget()
     monkeypatch.setattr("rsibr.baking.parts.light_of", dying)
     resumed = content(bake(config, out=tmp_path / "b.rsibr").path)
     assert {k: v for k, v in resumed.items() if k != "manifest.json"} == {

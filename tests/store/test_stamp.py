@@ -10,7 +10,9 @@ import pytest
 
 from rsibr.errors import BakeError
 from rsibr.store import stamp
+from rsibr.store.atomic import file_checksum
 from rsibr.store.bake import open_bake
+from rsibr.store.manifest import read_manifest
 from rsibr.validation.health.check import check
 from tests.store.synthetic import baked, content, write
 from tests.store.test_manifest import forge
@@ -34,16 +36,13 @@ def large(tmp_path, monkeypatch):
 def hashed(monkeypatch):
     """Files that are hashed, by name."""
     names = []
-    monkeypatch.setattr(
-        "rsibr.store.integrity.file_checksum", lambda file, real=_real(): names.append(file.name) or real(file)
-    )
+
+    def counted(file):
+        names.append(file.name)
+        return file_checksum(file)
+
+    monkeypatch.setattr("rsibr.store.integrity.file_checksum", counted)
     return names
-
-
-def _real():
-    from rsibr.store.atomic import file_checksum
-
-    return file_checksum
 
 
 def test_what_was_hashed_is_not_hashed_again(large, hashed):
@@ -77,7 +76,7 @@ def test_every_change_is_found_on_opening(large, how):
         shutil.move(large / "aside", other)
     elif how == "replaced":
         (large / "new").write_bytes(flipped)
-        os.replace(large / "new", file)
+        (large / "new").replace(file)
     else:
         file.write_bytes(flipped)
     if how == "times restored":
@@ -90,8 +89,6 @@ def test_damage_behind_the_stamps_back_is_found_by_check_and_on_reading(large):
     """As by a failing disk, which changes no time: here the stamp is made to fit."""
     (large / FILE).write_bytes((large / FILE).read_bytes()[:-1] + b"x")
     time.sleep(3 * stamp._TICK)
-    from rsibr.store.manifest import read_manifest
-
     forged = stamp.file_state(large, read_manifest(large / "manifest.json"))
     (large / stamp.STAMP_NAME).write_text(f"{forged}\n")
     opened = open_bake(large)
@@ -124,6 +121,4 @@ def test_a_stamp_of_a_stranger_opens_nothing_and_overwrites_nothing(large, tmp_p
 
 def test_a_file_changed_within_the_tick_of_the_clock_is_not_trusted(large):
     (large / FILE).write_bytes((large / FILE).read_bytes())
-    from rsibr.store.manifest import read_manifest
-
     assert stamp.file_state(large, read_manifest(large / "manifest.json")) is None
