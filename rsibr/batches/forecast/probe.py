@@ -117,9 +117,9 @@ def _spread(groups: list[tuple[str, list[Kind]]]) -> list[tuple[str, list[Kind]]
 
 
 def _asked(kinds: Sequence[Kind]) -> dict[str, Any]:
-    """Request for a group: its smallest job, made smaller, and the configs of all its kinds."""
-    least = min(kinds, key=lambda kind: kind.size.texels)
-    size, job = least.size, least.example
+    """Request for a group: its largest job, made smaller, and the configs of all its kinds."""
+    largest = max(kinds, key=lambda kind: kind.size.resolution)  # what a map costs beside its texels is then little
+    size, job = largest.size, largest.example
     settings = {name: table for name, table in job.settings.items() if name != "budget"}
     if size.resolution > LARGEST_SIDE:
         settings["map"] = {"resolution": LARGEST_SIDE}

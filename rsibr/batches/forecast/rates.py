@@ -99,17 +99,17 @@ class SharedRates:
 
 
 TYPICAL = Rates(
-    material=2.5,
-    pair=0.7,
-    view=0.02,
-    store=5e-7,
-    sample=1.2e-7,
+    material=0.5,
+    pair=0.2,
+    view=0.015,
+    store=6e-7,
+    sample=1.5e-7,
     then=0.0,
-    beside=60_000,
+    beside=40_000,
     files=4,
     then_bytes=0.0,
     then_files=0.0,
-    texel_bytes=34.0,
+    texel_bytes=40.0,
 )
 """Rates of a material of three lobes on a server's core, where nothing is measured."""
 
