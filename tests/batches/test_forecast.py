@@ -53,7 +53,7 @@ def test_sizes_that_are_decided_later_are_said_to_be(folder):
 def test_the_sum_is_that_of_the_parts(folder):
     """Rates that are powers of ten, so that each part of the sum can be seen in it."""
     census = counted(folder, matrix=AXES)
-    rates = Rates(100.0, 1.0, 0.0, 0.0, 0.0, 0.0, 7000, 4, 0.0)
+    rates = Rates(100.0, 1.0, 0.0, 0.0, 0.0, 0.0, 7000, 4, 0.0, 0.0, 0.0)
     groups = list(census.groups())
     planned = {id(kind): Planned(Size(1, 8, 16), 100.0) for kind in census.kinds}
     shared = SharedRates(start=10_000.0, imports=2000.0, sky=1_000_000.0, light_bytes=10_000_000.0, lights=2)

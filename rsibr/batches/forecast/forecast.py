@@ -16,6 +16,9 @@ OPEN = "{count} jobs have an error or a budget that decides on their size: it is
 MEAN = "{count} of {kinds} materials and their settings were probed; the others are taken as the mean of these"
 
 
+_MEANS = ("material", "pair", "view", "store", "sample", "then", "then_bytes", "then_files", "texel_bytes")
+
+
 @dataclass(frozen=True)
 class _Cost:
     """Cost of the jobs of a kind: processor time and bytes of one, texels and files of its maps."""
@@ -111,7 +114,8 @@ def _cost(kind: Kind, probed: Probed | None, threads: int) -> _Cost:
     seconds = rates.job_seconds(planned.size)
     if kind.seconds is not None:
         seconds = kind.seconds * threads + rates.then * planned.size.resolution**2
-    return _Cost(kind, planned.size, seconds, rates.beside + planned.map_bytes, rates.files + planned.size.views)
+    size = planned.size
+    return _Cost(kind, size, seconds, rates.job_bytes(size, planned.map_bytes), rates.job_files(size))
 
 
 def _rates_of(kind: Kind, probed: Probed | None) -> Rates:
@@ -123,10 +127,7 @@ def _rates_of(kind: Kind, probed: Probed | None) -> Rates:
     every = list(probed.rates.values())
     return replace(
         every[0],
-        **{
-            name: sum(getattr(one, name) for one in every) / len(every)
-            for name in ("material", "pair", "view", "store", "sample", "then", "texel_bytes")
-        },
+        **{name: sum(getattr(one, name) for one in every) / len(every) for name in _MEANS},
     )
 
 

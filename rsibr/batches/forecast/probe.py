@@ -1,8 +1,9 @@
 """Probe of a batch: small jobs of each group in a process of its own, as a worker would run them.
 
-For each group a job is run four times, small: for the first time, again with few and with more samples, and the shares
-of material, sky, bake, map, texel and sample follow from the differences. One more job lies under another sky, and one
-has the steps after the bake. A material that ends the process ends only the probe of its group.
+For each group a job is run three times, small: for the first time, again with few and with more samples, and twice more
+with the steps after the bake, if there are any. The shares of material, sky, bake, map, texel, sample and steps follow
+from the differences. One more job lies under another sky. A material that ends the process ends only the probe of its
+group.
 """
 
 from __future__ import annotations
@@ -116,9 +117,9 @@ def _spread(groups: list[tuple[str, list[Kind]]]) -> list[tuple[str, list[Kind]]
 
 
 def _asked(kinds: Sequence[Kind]) -> dict[str, Any]:
-    """Request for a group: its smallest job, made smaller, and the configs of all its kinds."""
-    least = min(kinds, key=lambda kind: kind.size.texels)
-    size, job = least.size, least.example
+    """Request for a group: its largest job, made smaller, and the configs of all its kinds."""
+    largest = max(kinds, key=lambda kind: kind.size.resolution)  # what a map costs beside its texels is then little
+    size, job = largest.size, largest.example
     settings = {name: table for name, table in job.settings.items() if name != "budget"}
     if size.resolution > LARGEST_SIDE:
         settings["map"] = {"resolution": LARGEST_SIDE}
@@ -153,7 +154,7 @@ class _Run:
             self.imports = begun["imports"]
             self.seconds, self.runs = self.seconds + seconds, self.runs + 1
             for one in said[len(rest) :]:
-                self.shared.update({key: one[key] for key in ("sky", "light", "then") if key in one})
+                self.shared.update({key: one[key] for key in ("sky", "light") if key in one})
                 self.seconds -= one.get("spent", 0.0)
             found += said[: len(rest)]
             if len(said) < len(rest):  # the child ended in this group
@@ -200,8 +201,9 @@ def _found(good: Sequence[tuple[tuple[str, list[Kind]], dict[str, Any]]], run: _
     """Shares of each part, from the differences between the runs."""
     answers, shared = [answer for _, answer in good], run.shared
     sky = max(0.0, shared.get("sky", 0.0))
-    others = [max(0.0, answer["first"] - answer["again"][0]) for answer in answers[1:]]
-    first = max(0.0, answers[0]["first"] - answers[0]["again"][0] - sky)
+    once = [answer["first"] - answer["again"][0] + answer["then"][0] - answer["then"][1] for answer in answers]
+    others = [max(0.0, seconds) for seconds in once[1:]]
+    first = max(0.0, once[0] - sky)
     material = sum(others) / len(others) if others else first
     spent = sum(answer["spent"] for answer in answers)
     start = max(0.0, run.seconds / run.runs - spent / run.runs) + max(0.0, first - material)
@@ -211,12 +213,12 @@ def _found(good: Sequence[tuple[tuple[str, list[Kind]], dict[str, Any]]], run: _
     rates, planned = dict[str, Rates](), dict[int, Planned]()
     for number, ((group, kinds), answer) in enumerate(good):
         own = others[number - 1] if number else min(first, material)
-        rates[group] = _rates(kinds, answer, own, shared.get("then", 0.0))
+        rates[group] = _rates(kinds, answer, own)
         planned |= {id(kind): _planned(kind, sized) for kind, sized in zip(kinds, answer["sized"], strict=True)}
     return Probed(rates, planned, SharedRates(start, run.imports, sky, light_bytes, len(lights)), tuple(notes))
 
 
-def _rates(kinds: Sequence[Kind], answer: dict[str, Any], material: float, then: float) -> Rates:
+def _rates(kinds: Sequence[Kind], answer: dict[str, Any], material: float) -> Rates:
     side, views = answer["resolution"], answer["views"]
     few, many = _asked(kinds)["samples"]
     size = Size(views, side, 1)
@@ -229,9 +231,11 @@ def _rates(kinds: Sequence[Kind], answer: dict[str, Any], material: float, then:
         view=0.0,
         store=store,
         sample=sample,
-        then=max(0.0, then) / side**2,
+        then=answer["then"][1] / side**2,
         beside=answer["beside"],
         files=answer["files"],
+        then_bytes=answer["then_bytes"] / size.texels,
+        then_files=answer["then_files"] / views,
         texel_bytes=answer["map_bytes"] / side**2,
     )
 

@@ -21,6 +21,7 @@ from rsibr.baking.calibration import map_overhead
 from rsibr.baking.sampling import Sampler
 from rsibr.baking.scene import Scene
 from rsibr.batches.job import Job, Then
+from rsibr.batches.then import PUBLISHED_NAME, REPORTS_NAME
 from rsibr.batches.worker import run_job
 from rsibr.errors import CheckFailed, RsibrError
 from rsibr.planning.costs import Costs, priced
@@ -40,13 +41,12 @@ def main() -> None:
 
 def _answers(asked: Mapping[str, Any], folder: Path) -> Iterator[dict[str, Any]]:
     yield {"imports": processor_seconds()}
-    probe = _Probe(folder, asked["threads"])
+    then = None if asked["then"] is None else Then.from_record(asked["then"])
+    probe = _Probe(folder, asked["threads"], then)
     for group in asked["groups"]:
         yield _told(lambda group=group: probe.group(group))  # type: ignore[misc]
     if asked["sky"] is not None:
         yield _told(lambda: probe.under_another_sky(asked["sky"]))
-    if asked["then"] is not None:
-        yield _told(lambda: probe.with_steps(Then.from_record(asked["then"])))
 
 
 def _told(work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
@@ -59,8 +59,8 @@ def _told(work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
 class _Probe:
     """Runs jobs in a folder, each under a name of its own."""
 
-    def __init__(self, folder: Path, threads: int) -> None:
-        self._folder, self._threads, self._count = folder, threads, 0
+    def __init__(self, folder: Path, threads: int, then: Then | None) -> None:
+        self._folder, self._threads, self._then, self._count = folder, threads, then, 0
         self.last: Job
 
     def run(self, job: Job) -> float:
@@ -87,39 +87,45 @@ class _Probe:
 
     def under_another_sky(self, environment: Mapping[str, Any]) -> dict[str, Any]:
         """What the last job takes more under a sky that is not known yet."""
-        other = replace(self.last, settings={**self.last.settings, "environment": environment})
+        other = replace(self.last, then=Then(), settings={**self.last.settings, "environment": environment})
         first, again = self.run(other), self.run(other)
         return {"sky": first - again, "light": self._light[1], "spent": first + again}
 
-    def with_steps(self, then: Then) -> dict[str, Any]:
-        """What the steps after the last job take."""
-        without, with_them = self.run(self.last), self.run(replace(self.last, then=then))
-        return {"then": with_them - without, "spent": with_them + without}
+    def _steps(self, without: float) -> dict[str, Any]:
+        """What the steps after the last job take, for the first time and again, and what they write."""
+        if self._then is None:
+            return {"then": [0.0, 0.0], "then_bytes": 0, "then_files": 0}
+        first, again = (self.run(replace(self.last, then=self._then)) for _ in range(2))
+        folders = (self._folder / name / self.last.name for name in (REPORTS_NAME, PUBLISHED_NAME))
+        sizes = [file.stat().st_size for folder in folders for file in folder.rglob("*") if file.is_file()]
+        then = [max(0.0, first - without), max(0.0, again - without)]
+        return {"then": then, "then_bytes": sum(sizes), "then_files": len(sizes)}
 
     def group(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """What a group takes: a job for the first time, again, and with more samples; and how it is planned."""
         job, samples = Job.from_record(asked["job"]), asked["samples"]
         first = self.again(job, samples[0])
         again = [self.again(job, count) for count in samples]
-        begun = processor_seconds()
-        bake = self._folder / self.last.bake
+        begun, baked = processor_seconds(), self.last
+        bake = self._folder / baked.bake
         maps = [file.stat().st_size for file in (bake / MAPS_NAME).glob("*.exr")]
         files = [file for file in bake.rglob("*") if file.is_file()]
         beside = sum(file.stat().st_size for file in files) - sum(maps)
         light, light_bytes = self._light
-        scene = Scene.prepare(parse_config(self.last.settings, Path()))
+        scene = Scene.prepare(parse_config(baked.settings, Path()))
         return {
             "first": first,
             "again": again,
             "views": len(maps),
             "resolution": scene.resolution,
-            "beside": beside + (self._folder / self.last.result).stat().st_size,
+            "beside": beside + (self._folder / baked.result).stat().st_size,
             "files": len(files) - len(maps) + 1,
             "light": light,
             "light_bytes": light_bytes,
             "map_bytes": sum(maps) / len(maps),
             "store": map_overhead(scene.integrator),
             "sized": [_planned(scene, settings, sum(maps) / len(maps)) for settings in asked["sized"]],
+            **self._steps(again[-1]),
             "spent": first + sum(again) + processor_seconds() - begun,
         }
 

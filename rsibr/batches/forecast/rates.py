@@ -30,11 +30,15 @@ class Rates:
     sample : float
         A sample.
     then : float
-        Steps after the bake, for each of `then_texels`.
+        Steps after the bake, a texel of a map.
     beside : int
         Bytes of a bake beside its maps.
     files : int
         Files of a job beside its maps.
+    then_bytes : float
+        Bytes that the steps after the bake write, a texel of all maps.
+    then_files : float
+        Files that they write, a view.
     texel_bytes : float
         Bytes of a texel of a map.
     """
@@ -47,6 +51,8 @@ class Rates:
     then: float
     beside: int
     files: int
+    then_bytes: float
+    then_files: float
     texel_bytes: float
 
     def job_seconds(self, size: Size) -> float:
@@ -54,9 +60,13 @@ class Rates:
         work = size.views * self.view + size.texels * self.store + size.samples_in_all * self.sample
         return self.pair + work + self.then * size.resolution**2
 
-    def job_bytes(self, size: Size) -> float:
-        """Bytes of a bake."""
-        return self.beside + size.texels * self.texel_bytes
+    def job_bytes(self, size: Size, map_bytes: float) -> float:
+        """Bytes of a job whose maps have so many."""
+        return self.beside + map_bytes + size.texels * self.then_bytes
+
+    def job_files(self, size: Size) -> int:
+        """Files of a job."""
+        return self.files + size.views + round(size.views * self.then_files)
 
 
 @dataclass(frozen=True)
@@ -89,15 +99,17 @@ class SharedRates:
 
 
 TYPICAL = Rates(
-    material=2.5,
-    pair=0.7,
-    view=0.02,
-    store=5e-7,
-    sample=1.2e-7,
+    material=0.5,
+    pair=0.2,
+    view=0.015,
+    store=6e-7,
+    sample=1.5e-7,
     then=0.0,
-    beside=60_000,
+    beside=40_000,
     files=4,
-    texel_bytes=34.0,
+    then_bytes=0.0,
+    then_files=0.0,
+    texel_bytes=40.0,
 )
 """Rates of a material of three lobes on a server's core, where nothing is measured."""
 
