@@ -184,12 +184,11 @@ precision highp sampler2DArray;\nprecision highp isampler2D;\n${head}${rsibr.gls
     }
   };
 
-  /** Text of a shader with what it includes, each file once. */
-  rsibr.glsl = function glsl(name, seen = new Set()) {
-    if (seen.has(name)) return "";
-    seen.add(name);
+  /** Text of a shader with what it includes; what is included twice counts once. */
+  rsibr.glsl = function glsl(name) {
     if (!(name in rsibr.shaders)) throw new Error(`there is no shader '${name}'`);
-    return rsibr.shaders[name].replace(/^#include <(\w+)>$/gm, (_, other) => glsl(other, seen));
+    const text = rsibr.shaders[name].replace(/^#include <(\w+)>$/gm, (_, other) => glsl(other));
+    return `#ifndef FILE_${name}\n#define FILE_${name}\n${text}#endif\n`;
   };
 
   function uniforms_of(gl, program) {

@@ -1,0 +1,189 @@
+"use strict";
+// `rsibr`: prediction of all lobes from the environment, plus residuals of the stored maps; docs/method.md.
+(() => {
+  const ROWS = ["albedo", "trust", "weight", "wide", "mirror", "sharp"];
+
+  class Rsibr {
+    constructor(engine) {
+      const { gpu, bundle } = engine, { model, arrays } = bundle;
+      Object.assign(this, { engine, gpu, model, array: (name) => arrays[`model.${name}`] });
+      this.sized = new Map();
+      const { widths, sides, blurs } = bundle.light, ladder = Object.entries({ widths, sides, blurs });
+      const used = Object.fromEntries(ladder.map(([name, list]) => [name, list.slice(0, model.lightLevels)]));
+      this.light = model.lightLevels ? new rsibr.LightPyramid(gpu, engine.light, used, arrays["light.taps"].data) : null;
+      const needsPyramid = model.hasLevels || this.array("points");
+      this.pyramid = needsPyramid ? new rsibr.HalfVectorPyramid(gpu, model.side, model.ladder) : null;
+      this.wide = this.array("points") ? new rsibr.WideLight(gpu, this.array("points")) : null;
+      this.irradiance = this._irradiance();
+      this.mirror = this._mirror();
+      this.delta = this._delta();
+    }
+
+    /** Work before the first map, in steps, so that a page stays alive between them. */
+    *preparing() {
+      if (!this.light) return;
+      while (!this.light.isWhole) {
+        this.light.step();
+        yield this.light.made / this.light.count;
+      }
+    }
+
+    draw(frame, target) {
+      for (const _ of this.preparing());
+      const size = target.width, { model, engine } = this;
+      const values = this._predicting(frame, size), defines = this._defines(size);
+      if (model.carries) {
+        const v = rsibr.vector.column(frame, 2), { sphere } = engine, indices = sphere.surrounding(v);
+        const gnomonic = sphere.gnomonicWeights(v, indices);
+        if (indices.some((index, k) => gnomonic[k] > 0 && !this._residuals.has(index))) {
+          indices.forEach((index, k) => gnomonic[k] > 0 && this._makeResidual(index));
+          Object.assign(values, this._predicting(frame, size));
+        }
+        Object.assign(values, engine.sources.uniforms,
+          rsibr.warpUniforms(sphere, indices, sphere.areaWeights(v, indices), frame), { residuals: this._residualMaps, gnomonic });
+      }
+      this.gpu.draw(this.gpu.program("rsibr_map", defines), target, { ...values, size });
+    }
+
+    /** Prediction for the view of a frame: the pyramid is filled, and the uniforms are returned that read it. */
+    _predicting(frame, size) {
+      const tables = this._tables(size);
+      const values = { tables: tables.texture, frame, ...(this.light ? this.light.uniforms : {}) };
+      if (this.pyramid) {
+        if (this.model.hasLevels) this.pyramid.balance(tables, size);
+        this.pyramid.fill(frame, this.light);
+        if (this.model.hasLevels) {
+          Object.assign(values, { collapsed: this.pyramid.collapsed(tables, size), collapsedHalf: this.pyramid.side / 2 });
+        }
+        if (this.wide) {
+          this.wide.fill(this.pyramid);
+          values.wideLight = this.wide.grid;
+        }
+      }
+      if (this.irradiance) Object.assign(values, { irradiance: this.irradiance.texture, irradianceSide: this.irradiance.side });
+      if (this.mirror) Object.assign(values, this.mirror);
+      if (this.delta) Object.assign(values, this.delta.uniforms(frame));
+      return values;
+    }
+
+    _defines(size) {
+      const { model, mirror, delta } = this, flag = (value) => (value ? 1 : 0);
+      return {
+        WARP: this.engine.bundle.stored ? this.engine.bundle.stored.warp.toUpperCase() : "NONE",
+        NARROW: flag(model.hasLevels), WIDE: flag(this.wide), MATTE: model.matte, SHARP: flag(this._tables(size).isSharp),
+        MIRROR_LOBE: flag(mirror), ...(mirror && mirror.mirrorImage ? { MIRROR_IMAGE: 1 } : {}),
+        DELTA_LIGHTS: delta ? delta.count : 0, DELTA_LOBES: delta ? delta.lobes : 0,
+        ...(this.light ? { LIGHT_LEVELS: this.light.count } : {}),
+        ...(this.pyramid ? this.pyramid.defines : {}),
+        RESIDUALS: flag(model.carries), BELIEVES: flag(model.believes), HEDGED: flag(model.isHedged),
+        KEEPS_NEGATIVES: flag(model.keepsNegatives), CARRIES_MIRROR: flag(model.carriesMirror),
+        ...Object.fromEntries(ROWS.map((name, row) => [`${name.toUpperCase()}_ROW`, row])), MATTE_ROW: ROWS.length,
+      };
+    }
+
+    /** Tables by cosine for maps of a size, as rows of one texture. */
+    _tables(size) {
+      if (!this.sized.has(size)) {
+        const rows = ROWS.map((name) => this.array(name === "sharp" ? `sharp.${size}` : name));
+        for (let k = 0; k < this.model.matte; k++) rows.push(this.array(`matte.${k}`));
+        const levelRow = rows.length, levels = this.array(`levels.${size}`), { NODES, ALBEDO_NODES } = rsibr.constants;
+        if (levels) for (let k = 0; k < levels.shape[0]; k++) rows.push({ data: levels.data.subarray(4 * NODES * k, 4 * NODES * (k + 1)) });
+        const four = new Float32Array(4 * ALBEDO_NODES * rows.length);
+        rows.forEach((row, k) => row && four.set(row.data, 4 * ALBEDO_NODES * k));
+        const texture = this.gpu.texture(ALBEDO_NODES, rows.length, "RGBA32F");
+        this.gpu.upload(texture, four);
+        this.sized.set(size, { texture, levelRow, isSharp: Boolean(this.array(`sharp.${size}`)) });
+      }
+      return this.sized.get(size);
+    }
+
+    /** Residuals of a stored view, made at its own texels when it is first met. */
+    _makeResidual(view) {
+      if (this._residuals.has(view)) return;
+      const { gpu, engine } = this, { bundle, sphere } = engine, size = bundle.stored.resolution;
+      const carried = this._carried(), values = this._predicting(sphere.frame(view), size);
+      gpu.draw(gpu.program("residual_map", this._defines(size)), this._raw,
+        { ...values, maps: carried.texture, mapScale: carried.scale, view, size });
+      gpu.draw(gpu.program("fill_stored"), this._residualMaps,
+        { map: this._raw, filling: this._filling, largest: bundle.precision === "half" ? 65504 : 3e38 }, { layer: view });
+      this._residuals.add(view);
+    }
+
+    get _residuals() {
+      this.__residuals = this.__residuals || new Set();
+      return this.__residuals;
+    }
+
+    /** Maps of which residuals are carried; makes what residuals are drawn into as well. */
+    _carried() {
+      if (this.__carried) return this.__carried;
+      const { gpu, engine } = this, { bundle } = engine, { resolution, views } = bundle.stored;
+      const side = resolution + 2, texels = side * side;
+      this._raw = gpu.texture(resolution, resolution, "RGBA32F");
+      this._filling = gpu.texture(side, side, "RG16I");
+      const [rows, columns] = [0, 1].map((k) => bundle.arrays["stored.filling"].data.subarray(k * texels, (k + 1) * texels));
+      const two = new Int16Array(2 * texels);
+      for (let i = 0; i < texels; i++) [two[2 * i], two[2 * i + 1]] = [columns[i], rows[i]];
+      gpu.upload(this._filling, two);
+      this._residualMaps = rsibr.SourceMaps.layers(gpu, side, views, bundle.precision === "half" ? "RGBA16F" : "RGBA32F");
+      this.__carried = bundle.arrays["stored.mirrored"] ? new rsibr.SourceMaps(gpu, bundle, true) : engine.sources;
+      return this.__carried;
+    }
+
+    /** Irradiance maps of the matte parts, one above the other. */
+    _irradiance() {
+      const maps = Array.from({ length: this.model.matte }, (_, k) => this.array(`irradiance.${k}`));
+      if (!maps.length) return null;
+      const images = maps.map((one) => rsibr.LightImage.bordered(one)), { side, stride } = images[0];
+      const four = new Float32Array(4 * stride * stride * images.length);
+      images.forEach((one, k) => four.set(one.four, 4 * stride * stride * k));
+      const texture = this.gpu.texture(stride, stride * images.length, "RGBA32F");
+      this.gpu.upload(texture, four);
+      return { texture, side };
+    }
+
+    /** What a delta lobe mirrors: the environment's own image, or the finest level of the pyramid. */
+    _mirror() {
+      if (!this.array("mirror")) return null;
+      const { fineness, toImage } = this.model.mirror, image = this.array("mirrorImage");
+      if (!image) return { fineness };
+      const [height, width] = image.shape.slice(-2), plane = width * height;
+      const numbers = image.type === "half" ? image.data : rsibr.numbers(image);
+      const four = new numbers.constructor(4 * (width + 1) * (height + 1));
+      for (let row = 0; row <= height; row++) {
+        for (let column = 0; column <= width; column++) {
+          const from = Math.min(row, height - 1) * width + (column % width), at = 4 * (row * (width + 1) + column);
+          for (let k = 0; k < 3; k++) four[at + k] = numbers[k * plane + from];
+        }
+      }
+      const texture = this.gpu.texture(width + 1, height + 1, image.type === "half" ? "RGBA16F" : "RGBA32F");
+      this.gpu.upload(texture, four);
+      const mirrorScale = image.type === "half" ? image.scale : 1;
+      return { fineness, mirrorImage: texture, mirrorSize: [width, height], mirrorScale, toImage };
+    }
+
+    /** Delta lights, and the proxies that reflect them. */
+    _delta() {
+      const lights = this.array("lights");
+      if (!lights) return null;
+      const [proxies, ratio] = ["proxies", "ratio"].map((name) => this.array(name));
+      const [terms, ratios] = [proxies, ratio].map(({ shape, data }) => {
+        const texture = this.gpu.texture(shape[1], shape[0], "RGBA32F");
+        this.gpu.upload(texture, data);
+        return texture;
+      });
+      const three = (row) => Array.from({ length: lights.shape[0] }, (_, k) => Array.from(lights.data.subarray(6 * k + 3 * row, 6 * k + 3 * row + 3)));
+      const directions = three(0), irradiance = three(1);
+      return {
+        count: directions.length, lobes: proxies.shape[0],
+        uniforms: (frame) => ({
+          proxies: terms, proxyRatio: ratios, narrowest: this.model.narrowest, lightIrradiance: irradiance.flat(),
+          lightDirections: directions.flatMap((d) => rsibr.vector.into(frame, d)),
+        }),
+      };
+    }
+  }
+
+  rsibr.METHODS = rsibr.METHODS || {};
+  rsibr.METHODS.rsibr = (engine) => new Rsibr(engine);
+})();
