@@ -20,7 +20,7 @@ from rsibr.methods.rsibr.model_tables import ModelTables
 from rsibr.methods.rsibr.residual_method import ResidualOptions
 from rsibr.methods.rsibr.rsibr import believed, scaled_lobes
 from rsibr.publishing.bundle.contents import Part, Request, contributes
-from rsibr.publishing.bundle.encoding import Encoded, encoded, encoded_images
+from rsibr.publishing.bundle.encoding import Encoded, Precision, encoded, encoded_images
 from rsibr.store.manifest import LobeRecord
 
 _COLOURS = 3  # of a term of a proxy
@@ -43,7 +43,7 @@ def model(request: Request) -> Part:
         arrays |= {} if one.levels is None else {f"levels.{size}": encoded(one.levels.astype(np.float32))}
         arrays |= {} if one.sharp is None else {f"sharp.{size}": encoded(one.sharp.seen[0, :, 0].astype(np.float32))}
     if tables.wide is not None:
-        arrays |= {"wide": _four(tables.wide.share), "points": encoded(_points(tables))}
+        arrays |= {"wide": _four(tables.wide.share), "points": encoded(_points(tables, request.precision))}
     for k, term in enumerate(tables.matte):
         irradiance = encoded_images(inputs.light.irradiance(term.weights), request.precision)
         arrays |= {f"matte.{k}": _four(term.share), f"irradiance.{k}": irradiance}
@@ -72,13 +72,13 @@ def _meta(options: ResidualOptions, belief: Belief, tables: ModelTables, has_lev
     }
 
 
-def _points(tables: ModelTables) -> NDArray[np.float32]:
+def _points(tables: ModelTables, precision: Precision) -> NDArray[np.floating[Any]]:
     """For each ring and point of the quadrature (x, y, level, 0) and (r, g, b, 0), shape (rings, points, 2, 4)."""
     assert tables.wide is not None
     quadrature = tables.wide.quadrature
     rows = np.zeros((*quadrature.levels.shape, 2, 4), np.float32)
     rows[..., 0, :2], rows[..., 0, 2], rows[..., 1, :3] = quadrature.places, quadrature.levels, quadrature.weights
-    return rows
+    return rows if precision == "float" else rows.astype(np.float16)
 
 
 def _add_mirror(part: Part, albedo: NDArray[np.float64], options: ResidualOptions, request: Request) -> None:

@@ -73,11 +73,11 @@ rsibr.HalfVectorPyramid = class HalfVectorPyramid {
 
 /** Mean light of the wide Gaussians over a polar grid of normals. */
 rsibr.WideLight = class WideLight {
-  constructor(gpu, { data, shape }) {
-    const [rings, count] = shape, lanes = 8, { SECTORS } = rsibr.constants;
+  constructor(gpu, points) {
+    const [rings, count] = points.shape, lanes = 8, { SECTORS } = rsibr.constants;
     Object.assign(this, { gpu, count, lanes });
     this.points = gpu.texture(2 * count, rings, "RGBA32F");
-    gpu.upload(this.points, data);
+    gpu.upload(this.points, rsibr.numbers(points));
     this.turns = Array.from({ length: SECTORS }, (_, k) => (2 * Math.PI * k) / SECTORS).flatMap((a) => [Math.cos(a), Math.sin(a)]);
     this.parts = gpu.texture(SECTORS * lanes, rings, "RGBA32F");
     this.grid = gpu.texture(SECTORS, rings, "RGBA32F");

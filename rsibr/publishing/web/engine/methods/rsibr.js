@@ -14,6 +14,7 @@
       const needsPyramid = model.hasLevels || this.array("points");
       this.pyramid = needsPyramid ? new rsibr.HalfVectorPyramid(gpu, model.side, model.ladder) : null;
       this.wide = this.array("points") ? new rsibr.WideLight(gpu, this.array("points")) : null;
+      if (model.carries) this._makeRoomForResiduals();
       this.irradiance = this._irradiance();
       this.mirror = this._mirror();
       this.delta = this._delta();
@@ -30,19 +31,21 @@
 
     draw(frame, target) {
       for (const _ of this.preparing());
-      const size = target.width, { model, engine } = this;
-      const values = this._predicting(frame, size), defines = this._defines(size);
-      if (model.carries) {
-        const v = rsibr.vector.column(frame, 2), { sphere } = engine, indices = sphere.surrounding(v);
-        const gnomonic = sphere.gnomonicWeights(v, indices);
-        if (indices.some((index, k) => gnomonic[k] > 0 && !this._residuals.has(index))) {
-          indices.forEach((index, k) => gnomonic[k] > 0 && this._makeResidual(index));
-          Object.assign(values, this._predicting(frame, size));
-        }
-        Object.assign(values, engine.sources.uniforms,
-          rsibr.warpUniforms(sphere, indices, sphere.areaWeights(v, indices), frame), { residuals: this._residualMaps, gnomonic });
-      }
-      this.gpu.draw(this.gpu.program("rsibr_map", defines), target, { ...values, size });
+      const size = target.width, { model } = this;
+      const carrying = model.carries ? this._carrying(frame) : {};  // before, for residuals are made with the same pyramid
+      const values = { ...this._predicting(frame, size), ...carrying, size };
+      this.gpu.draw(this.gpu.program("rsibr_map", this._defines(size)), target, values);
+    }
+
+    /** Uniforms of the residuals around a view; those of a stored view are made when it is first met. */
+    _carrying(frame) {
+      const { sphere, sources } = this.engine, v = rsibr.vector.column(frame, 2), indices = sphere.surrounding(v);
+      const gnomonic = sphere.gnomonicWeights(v, indices), areas = sphere.areaWeights(v, indices);
+      indices.forEach((index, k) => {
+        if (gnomonic[k] > 0 && !this.known.has(index)) this._makeResidual(index);
+      });
+      const warps = rsibr.warpUniforms(sphere, indices, areas, frame);
+      return { ...sources.uniforms, ...warps, residuals: this.residuals, gnomonic };
     }
 
     /** Prediction for the view of a frame: the pyramid is filled, and the uniforms are returned that read it. */
@@ -99,35 +102,25 @@
 
     /** Residuals of a stored view, made at its own texels when it is first met. */
     _makeResidual(view) {
-      if (this._residuals.has(view)) return;
-      const { gpu, engine } = this, { bundle, sphere } = engine, size = bundle.stored.resolution;
-      const carried = this._carried(), values = this._predicting(sphere.frame(view), size);
-      gpu.draw(gpu.program("residual_map", this._defines(size)), this._raw,
+      const { gpu, engine, carried } = this, { bundle, sphere } = engine, size = bundle.stored.resolution;
+      const values = this._predicting(sphere.frame(view), size), largest = bundle.precision === "half" ? 65504 : 3e38;
+      gpu.draw(gpu.program("residual_map", this._defines(size)), this.raw,
         { ...values, maps: carried.texture, mapScale: carried.scale, view, size });
-      gpu.draw(gpu.program("fill_stored"), this._residualMaps,
-        { map: this._raw, filling: this._filling, largest: bundle.precision === "half" ? 65504 : 3e38 }, { layer: view });
-      this._residuals.add(view);
+      gpu.draw(gpu.program("fill_stored"), this.residuals, { map: this.raw, filling: this.filling, largest }, { layer: view });
+      this.known.add(view);
     }
 
-    get _residuals() {
-      this.__residuals = this.__residuals || new Set();
-      return this.__residuals;
-    }
-
-    /** Maps of which residuals are carried; makes what residuals are drawn into as well. */
-    _carried() {
-      if (this.__carried) return this.__carried;
+    _makeRoomForResiduals() {
       const { gpu, engine } = this, { bundle } = engine, { resolution, views } = bundle.stored;
       const side = resolution + 2, texels = side * side;
-      this._raw = gpu.texture(resolution, resolution, "RGBA32F");
-      this._filling = gpu.texture(side, side, "RG16I");
-      const [rows, columns] = [0, 1].map((k) => bundle.arrays["stored.filling"].data.subarray(k * texels, (k + 1) * texels));
-      const two = new Int16Array(2 * texels);
-      for (let i = 0; i < texels; i++) [two[2 * i], two[2 * i + 1]] = [columns[i], rows[i]];
-      gpu.upload(this._filling, two);
-      this._residualMaps = rsibr.SourceMaps.layers(gpu, side, views, bundle.precision === "half" ? "RGBA16F" : "RGBA32F");
-      this.__carried = bundle.arrays["stored.mirrored"] ? new rsibr.SourceMaps(gpu, bundle, true) : engine.sources;
-      return this.__carried;
+      this.carried = bundle.arrays["stored.mirrored"] ? new rsibr.SourceMaps(gpu, bundle, true) : engine.sources;
+      this.residuals = gpu.texture(side, side, bundle.precision === "half" ? "RGBA16F" : "RGBA32F", { layers: views });
+      this.known = new Set();
+      this.raw = gpu.texture(resolution, resolution, "RGBA32F");
+      this.filling = gpu.texture(side, side, "RG16I");
+      const { data } = bundle.arrays["stored.filling"], two = new Int16Array(2 * texels);
+      for (let i = 0; i < texels; i++) [two[2 * i], two[2 * i + 1]] = [data[texels + i], data[i]];
+      gpu.upload(this.filling, two);
     }
 
     /** Irradiance maps of the matte parts, one above the other. */
