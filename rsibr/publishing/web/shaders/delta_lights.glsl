@@ -1,27 +1,12 @@
 // Delta lights reflected by the proxies of the lobes (docs/method.md, section 6.4; rsibr/lobes/basis.py, proxy_ratio.py).
 #include <texel_mean>
+#include <ggx>
 
 uniform sampler2D proxies;     // a row a lobe: (α, is matte, terms, 0), bare, coated, then α and three colours a term
 uniform sampler2D proxyRatio;  // ratio of each lobe to its proxy, side by side
 uniform vec3 lightDirections[DELTA_LIGHTS];  // in the map's frame
 uniform vec3 lightIrradiance[DELTA_LIGHTS];
 uniform float narrowest;       // width of the narrowest highlight
-
-float schlick(float cosine) {
-    float graze = 1.0 - clamp(cosine, 0.0, 1.0), squared = graze * graze;
-    return squared * squared * graze;
-}
-
-// BRDF times cosine of a GGX lobe, and the same times Schlick's grazing term
-vec2 ggx(vec3 wi, vec3 wo, float alpha) {
-    vec3 h = wi + wo;
-    h *= inversesqrt(max(dot(h, h), 1e-12));
-    float i = max(wi.z, 1e-6), o = max(wo.z, 1e-6), a = alpha * alpha;
-    float base = h.z * h.z * (a - 1.0) + 1.0, density = a / (3.14159265358979 * base * base);
-    float smith = o * sqrt(a + (1.0 - a) * i * i) + i * sqrt(a + (1.0 - a) * o * o);
-    float plain = density * i / (2.0 * smith);
-    return vec2(plain, plain * schlick(dot(h, wo)));
-}
 
 vec3 underCoat(vec3 w) {
     vec2 inside = w.xy / COAT_IOR;
