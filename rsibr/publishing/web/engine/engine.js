@@ -80,6 +80,30 @@ rsibr.Engine = class Engine {
     return { texture: map.texture, target: map.target, size, levels, own: map };
   }
 
+  /** Shading of pixels that each have a view of their own (perspective): {glsl, update(view), bind(program, unit)}.
+   *
+   *  `glsl` defines `vec3 radiance(vec3 n, vec3 v)`, unit vectors in world coordinates; it stands after `#version 300 es`
+   *  and before the page's own text, whose names should begin with `page`. Call `update` with the view of the middle of
+   *  the picture once a frame, and `bind` while the program is in use: it takes the texture units from `unit` on and
+   *  returns the next free one. Shaders of a lost context have to be made anew. */
+  pixelShader(method) {
+    const { glsl, uniforms } = this.method(method).pixel();
+    let values = null;
+    return {
+      glsl,
+      update: (view) => {
+        values = uniforms(rsibr.vector.unit(view));
+        this.gpu.done();
+      },
+      bind: (program, unit = 0) => this.gpu.set(this.gpu.described(program), values, unit),
+    };
+  }
+
+  /** Stored views as textures, shared by the shaders of pixels. */
+  get pixelViews() {
+    return this._kept("pixel views", () => new rsibr.PixelViews(this.gpu, this.sphere));
+  }
+
   /** Red, green and blue of a map's texels, row by row from the top. */
   read(map) {
     return this.gpu.read(map.own);

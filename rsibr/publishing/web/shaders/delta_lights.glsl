@@ -4,7 +4,7 @@
 
 uniform sampler2D proxies;     // a row a lobe: (α, is matte, terms, 0), bare, coated, then α and three colours a term
 uniform sampler2D proxyRatio;  // ratio of each lobe to its proxy, side by side
-uniform vec3 lightDirections[DELTA_LIGHTS];  // in the map's frame
+uniform vec3 lightDirections[DELTA_LIGHTS];  // of a map in its frame
 uniform vec3 lightIrradiance[DELTA_LIGHTS];
 uniform float narrowest;       // width of the narrowest highlight
 
@@ -52,12 +52,13 @@ vec3 reflectedBy(int lobe, vec3 wi, vec3 wo) {
     return total * ratioOf(lobe, wi, wo, head.x, head.y > 0.0);
 }
 
-// Radiance toward the viewer at +z of surfaces with normals n in the map's frame
-vec3 deltaReflection(vec3 n) {
-    float cosine = clamp(n.z, LEAST_VIEW_COSINE, 1.0);
-    vec3 along = vec3(0.0, 0.0, 1.0) - n * n.z;
+// Radiance toward v of surfaces with normal n, in the frame of the lights
+vec3 deltaAt(vec3 n, vec3 v) {
+    float toward = dot(n, v), cosine = clamp(toward, LEAST_VIEW_COSINE, 1.0);
+    vec3 along = v - n * toward;
     float squared = dot(along, along);
-    vec3 x = squared > 1e-10 ? along * inversesqrt(squared) : normalize(vec3(n.z, 0.0, -n.x)), y = cross(n, x);
+    vec3 other = abs(n.x) < 0.7 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0);  // head-on any tangent serves
+    vec3 x = squared > 1e-10 ? along * inversesqrt(squared) : normalize(cross(other, n)), y = cross(n, x);
     vec3 wo = vec3(sqrt(max(1.0 - cosine * cosine, 0.0)), 0.0, cosine), total = vec3(0.0);
     for (int k = 0; k < DELTA_LIGHTS; k++) {
         vec3 d = lightDirections[k], wi = vec3(dot(x, d), dot(y, d), dot(n, d));
@@ -67,6 +68,10 @@ vec3 deltaReflection(vec3 n) {
         total += reflected * lightIrradiance[k];
     }
     return total;
+}
+
+vec3 deltaReflection(vec3 n) {
+    return deltaAt(n, vec3(0.0, 0.0, 1.0));
 }
 
 MEAN(deltaOverTexel, deltaReflection)

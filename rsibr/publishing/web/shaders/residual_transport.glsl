@@ -1,4 +1,6 @@
-// Residuals of the stored views, carried to a new view (docs/method.md, section 8; rsibr/methods/rsibr/residual_transport.py).
+// Residuals of the stored views, carried to the new view of a map (docs/method.md, section 8).
+#include <residual_bounds>
+
 uniform sampler2DArray residuals;
 uniform float gnomonic[3];
 
@@ -19,15 +21,4 @@ vec3 carriedResidual(vec3 n) {
         total += counted;
     }
     return residual / total;
-}
-
-float trusted(float trust) {
-    float together = dot(vec3(gnomonic[0], gnomonic[1], gnomonic[2]), vec3(gnomonic[0], gnomonic[1], gnomonic[2]));
-    return pow(max(trust, LEAST_TRUST), max(1.0 - together, 0.0));
-}
-
-vec3 clampedResidual(vec3 residual, vec3 prediction) {
-    float apart = 1.0 - max(gnomonic[0], max(gnomonic[1], gnomonic[2]));
-    if (apart <= AT_A_STORED_VIEW) return residual;
-    return max(min(residual, prediction * (BRIGHTEST / apart)), prediction * (DARKEST * apart - 1.0));
 }

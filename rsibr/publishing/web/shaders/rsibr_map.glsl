@@ -18,9 +18,10 @@ void main() {
 #if RESIDUALS
     vec3 n = normalFromDisk(p);
     vec3 residual = byCosine(ALBEDO_ROW, ALBEDO_NODES - 1, middle.z).rgb * carriedResidual(n);
-    residual *= trusted(byCosine(TRUST_ROW, BELIEF_NODES - 1, n.z).x);
+    vec3 nearness = vec3(gnomonic[0], gnomonic[1], gnomonic[2]);
+    residual *= trusted(byCosine(TRUST_ROW, BELIEF_NODES - 1, n.z).x, nearness);
 #if BELIEVES && !KEEPS_NEGATIVES
-    residual = clampedResidual(residual, radiance);
+    residual = clampedResidual(residual, radiance, nearness);
 #endif
     radiance += residual;
 #if HEDGED

@@ -3,6 +3,16 @@
 (() => {
   const ROWS = ["albedo", "trust", "weight", "wide", "mirror", "sharp"];
 
+  const WORLD = [1, 0, 0, 0, 1, 0, 0, 0, 1];
+  const FEW = 42, NEAR = 0.5;  // views whose residuals are all made, and the cosine up to which those of more are
+
+  /** Sum over tables of the same nodes. */
+  function summed(tables, count) {
+    const one = tables.length / count, total = new Float32Array(one);
+    tables.forEach((value, i) => { total[i % one] += value; });
+    return total;
+  }
+
   class Rsibr {
     constructor(engine) {
       const { gpu, bundle } = engine, { model, arrays } = bundle;
@@ -35,6 +45,32 @@
       const carrying = model.carries ? this._carrying(frame) : {};  // before, for residuals are made with the same pyramid
       const values = { ...this._predicting(frame, size), ...carrying, size };
       this.gpu.draw(this.gpu.program("rsibr_map", this._defines(size)), target, values);
+    }
+
+    /** Shader of a pixel, and its uniforms around a middle view; see `Engine.pixelShader`. Tables are those of the
+     *  largest maps, whose texels are nearest to points. */
+    pixel() {
+      const { engine, model } = this, size = Math.max(...engine.sizes), { pixelViews } = engine;
+      const defines = { ...this._defines(size), ...(model.carries ? pixelViews.defines : {}) };
+      return {
+        glsl: rsibr.source("pixel_rsibr", { ...defines, LEVEL_SUM_ROW: this._tables(size).sumRow }),
+        uniforms: (view) => {
+          for (const _ of this.preparing());
+          const frame = engine.frame(view), carrying = model.carries ? this._carryingAll(view) : {};
+          return { ...this._predicting(frame, size), ...(this.delta ? this.delta.uniforms(WORLD) : {}), ...carrying };
+        },
+      };
+    }
+
+    /** Uniforms of the residuals for pixels whose views lie around a middle one. */
+    _carryingAll(view) {
+      const { sphere, sources, pixelViews } = this.engine;
+      for (let k = 0; k < sphere.count; k++) {
+        const isNear = rsibr.vector.dot(sphere.direction(k), view) > NEAR;
+        if ((isNear || sphere.count <= FEW) && !this.known.has(k)) this._makeResidual(k);
+      }
+      sphere.surrounding(view).forEach((k) => this.known.has(k) || this._makeResidual(k));
+      return { ...sources.uniforms, ...pixelViews.uniforms(view), residuals: this.residuals };
     }
 
     /** Uniforms of the residuals around a view; those of a stored view are made when it is first met. */
@@ -91,11 +127,13 @@
         for (let k = 0; k < this.model.matte; k++) rows.push(this.array(`matte.${k}`));
         const levelRow = rows.length, levels = this.array(`levels.${size}`), { NODES, ALBEDO_NODES } = rsibr.constants;
         if (levels) for (let k = 0; k < levels.shape[0]; k++) rows.push({ data: levels.data.subarray(4 * NODES * k, 4 * NODES * (k + 1)) });
+        const sumRow = rows.length;
+        if (levels) rows.push({ data: summed(levels.data, levels.shape[0]) });
         const four = new Float32Array(4 * ALBEDO_NODES * rows.length);
         rows.forEach((row, k) => row && four.set(row.data, 4 * ALBEDO_NODES * k));
         const texture = this.gpu.texture(ALBEDO_NODES, rows.length, "RGBA32F");
         this.gpu.upload(texture, four);
-        this.sized.set(size, { texture, levelRow, isSharp: Boolean(this.array(`sharp.${size}`)) });
+        this.sized.set(size, { texture, levelRow, sumRow, isSharp: Boolean(this.array(`sharp.${size}`)) });
       }
       return this.sized.get(size);
     }

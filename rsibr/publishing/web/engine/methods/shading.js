@@ -15,6 +15,11 @@
       this.gpu.draw(program, target, { ...this.values, frame, size: target.width });
     }
 
+    /** Shader of a pixel, and its uniforms; see `Engine.pixelShader`. */
+    pixel() {
+      return { glsl: rsibr.source(`pixel_${this.part.replace("-", "_")}`, this.defines), uniforms: () => this.values };
+    }
+
     /** Tables by the cosine, a row each. */
     addTables(rows, nodes) {
       const four = new Float32Array(4 * nodes * rows.length);
