@@ -5,11 +5,16 @@ import pytest
 from rsibr.baking.baker import bake
 from tests.browser import started
 
+SKY = 'file = "{environment}"'
+PRESET = 'preset = "{material}"'
+
 CONFIG = """
 [environment]
-file = "{environment}"
+{light}
 [material]
-preset = "{material}"
+{surface}
+[views]
+subdivision = {subdivision}
 [map]
 resolution = {resolution}
 [sampling]
@@ -26,18 +31,19 @@ def browser():
 
 @pytest.fixture(scope="session")
 def baked(tmp_path_factory, asymmetric_environment):
-    """Return a function: material, texels a side, samples → bake."""
+    """Return a function: material, texels a side, samples, and tables of a config in their place → bake."""
     folder, made = tmp_path_factory.mktemp("published"), {}
 
-    def of(material, resolution=32, samples=32):
-        key = material, resolution, samples
+    def of(material, resolution=32, samples=32, light=SKY, surface=PRESET, subdivision=0):
+        key = material, resolution, samples, subdivision
         if key not in made:
             name = "-".join(map(str, key))
+            lines = CONFIG.format(
+                light=light, surface=surface, resolution=resolution, samples=samples, subdivision=subdivision
+            )
             config = folder / f"{name}.toml"
             config.write_text(
-                CONFIG.format(
-                    environment=asymmetric_environment, material=material, resolution=resolution, samples=samples
-                )
+                lines.replace("{environment}", str(asymmetric_environment)).replace("{material}", material)
             )
             made[key] = bake(config, out=folder / f"{name}.rsibr")
         return made[key]

@@ -92,8 +92,8 @@ void main() {
       } else gl.texSubImage2D(into.target, 0, 0, 0, into.width, into.height, format, type, numbers);
     }
 
-    /** Run a program for every texel of a target, or of a part [x, y, width, height] of it. */
-    draw(program, target, values, { part = null, layer = 0 } = {}) {
+    /** Run a program for every texel of a target, or of a part [x, y, width, height] of it; `bind` sets more uniforms. */
+    draw(program, target, values, { part = null, layer = 0, bind = null } = {}) {
       const gl = this.gl;
       this._to(target, layer);
       const [x, y, width, height] = part || [0, 0, target.width, target.height];
@@ -102,6 +102,7 @@ void main() {
       gl.colorMask(true, true, true, true);
       gl.useProgram(program.program);
       this.set(program, values);
+      if (bind) bind(program);
       gl.bindVertexArray(this.nothing);
       gl.drawArrays(gl.TRIANGLES, 0, 3);
     }
