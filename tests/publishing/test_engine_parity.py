@@ -69,7 +69,7 @@ def test_maps_of_other_systems_equal_the_library_s(browser, baked, tmp_path):
 @pytest.mark.slow
 def test_maps_of_many_views_equal_the_library_s(browser, baked, tmp_path):
     """The triangle around each view is found among 320."""
-    bake = baked("rough-aluminium", 12, 4, subdivision=2)
+    bake = baked("rough-aluminium", 16, 4, subdivision=2)
     names = "nearest", "cabral1999"
     bundle = bundle_of(bake, precision="float", methods=names, sizes=(24,), light_size=32)
     with engine_page(browser, bundle, tmp_path) as page:
