@@ -1,6 +1,7 @@
 """The engine in a real browser: decoding, frames, triangles, memory, lost contexts, refusals."""
 
 import re
+from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
@@ -180,3 +181,12 @@ def test_a_bundle_of_another_format_is_refused(page):
         }"""
     )
     assert found == ["Unsupported", "This page holds data of format 99, its engine reads 1."]
+
+
+def test_the_documentation_names_what_is_there(page):
+    """Calls in the table of docs/extend/page.md."""
+    text = (Path(__file__).parents[2] / "docs" / "extend" / "page.md").read_text(encoding="utf-8")
+    named = sorted(set(re.findall(r"\b(?:rsibr\.(?:decodeBundle|memory|Unsupported)|engine\.\w+)\b", text)))
+    assert len(named) == 15
+    missing = page.ask("([names]) => names.filter((name) => eval(name) === undefined)", named)
+    assert missing == []
