@@ -186,7 +186,8 @@ def test_a_bundle_of_another_format_is_refused(page):
 def test_the_documentation_names_what_is_there(page):
     """Calls in the table of docs/extend/page.md."""
     text = (Path(__file__).parents[2] / "docs" / "extend" / "page.md").read_text(encoding="utf-8")
-    named = sorted(set(re.findall(r"\b(?:rsibr\.(?:decodeBundle|memory|Unsupported)|engine\.\w+)\b", text)))
-    assert len(named) == 15
-    missing = page.ask("([names]) => names.filter((name) => eval(name) === undefined)", named)
+    named = {*re.findall(r"\bengine\.\w+", text), *re.findall(r"\brsibr\.(?:decodeBundle|Engine)\b", text)}
+    named |= {f"rsibr.{name}" for name in re.findall(r"^\| `([A-Za-z]+)[`(]", text, re.MULTILINE)}
+    assert len(named) == 16
+    missing = page.ask("([names]) => names.filter((name) => eval(name) === undefined)", sorted(named))
     assert missing == []
