@@ -88,8 +88,13 @@ def encoded_images(values: NDArray[np.floating[Any]], precision: Precision, mant
         return encoded(np.asarray(planes, np.float32))
     largest = float(np.abs(planes).max(initial=0.0))
     scale = 2.0 ** max(0, math.ceil(math.log2(largest / LARGEST_HALF))) if largest > 0 else 1.0
-    half = rounded((planes.astype(np.float64) / scale).astype(np.float16), mantissa)
-    return Encoded("half", tuple(half.shape), scale, True, _planes(predicted(half.view(np.uint16))))
+    shown = planes.reshape(-1, *planes.shape[-3:])
+    left = np.stack([predicted(_half(one, scale, mantissa).view(np.uint16)) for one in shown])  # one by one: less memory
+    return Encoded("half", tuple(planes.shape), scale, True, _planes(left))
+
+
+def _half(planes: NDArray[np.floating[Any]], scale: float, mantissa: int) -> NDArray[np.float16]:
+    return rounded((planes.astype(np.float64) / scale).astype(np.float16), mantissa)
 
 
 def rounded(half: NDArray[np.float16], mantissa: int) -> NDArray[np.float16]:
@@ -126,7 +131,7 @@ def predicted(planes: NDArray[np.uint16]) -> NDArray[np.uint16]:
     apart = planes.copy()
     apart[..., 0, :, :] -= planes[..., 1, :, :]
     apart[..., 2, :, :] -= planes[..., 1, :, :]
-    number = apart.astype(np.int64)
+    number = apart.astype(np.int32)
     left, upper, corner = (np.zeros_like(number) for _ in range(3))
     left[..., 1:] = number[..., :-1]
     upper[..., 1:, :] = number[..., :-1, :]
