@@ -81,6 +81,8 @@ def test_what_a_page_cannot_draw_is_refused(baked):
             bundle_of(bake, methods=methods)
     with pytest.raises(InputError, match="16 to 2048"):
         bundle_of(bake, methods=["nearest"], sizes=(8,))
+    with pytest.raises(InputError, match="half, float"):
+        bundle_of(bake, precision="double")
 
 
 def test_a_bundle_is_the_same_each_time_and_holds_what_its_methods_read(baked):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 from rsibr import backend
 from rsibr.errors import InputError, did_you_mean
@@ -88,7 +88,8 @@ def bundle_of(
     Raises
     ------
     InputError
-        If a method is unknown, cannot be drawn by a page, or is not served by the bake, or a size is out of range.
+        If a method is unknown, cannot be drawn by a page, or is not served by the bake, or the bake serves none; if the
+        precision is unknown, or a size out of range.
 
     Examples
     --------
@@ -96,6 +97,10 @@ def bundle_of(
     >>> bundle.meta["methods"]                                  # doctest: +SKIP
     ['nearest', 'blend', 'cabral1999', 'rsibr']
     """
+    if precision not in get_args(Precision):
+        raise InputError(
+            f"'{precision}' numbers", where="precision", fix=f"give one of: {', '.join(get_args(Precision))}"
+        )
     chosen = _chosen(bake, methods)
     wanted = sorted({*sizes, bake.resolution})
     if not all(LEAST_SIZE <= size <= MOST_SIZE for size in wanted):
@@ -119,6 +124,9 @@ def bundle_of(
 def _chosen(bake: StoredMaps, methods: Sequence[str] | None) -> tuple[str, ...]:
     """Methods to bundle, in the order of the registry."""
     served = [name for name in available(bake) if name in drawn()]
+    if not served:
+        fix = f"bake it so that it serves one of: {', '.join(drawn())}"
+        raise InputError("it serves no method that a page draws", where=str(bake.path), fix=fix)
     if methods is None:
         return tuple(name for name in served if name in MAIN)
     for name in methods:

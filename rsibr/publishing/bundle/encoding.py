@@ -89,7 +89,9 @@ def encoded_images(values: NDArray[np.floating[Any]], precision: Precision, mant
     largest = float(np.abs(planes).max(initial=0.0))
     scale = 2.0 ** max(0, math.ceil(math.log2(largest / LARGEST_HALF))) if largest > 0 else 1.0
     shown = planes.reshape(-1, *planes.shape[-3:])
-    left = np.stack([predicted(_half(one, scale, mantissa).view(np.uint16)) for one in shown])  # one by one: less memory
+    left = np.stack(
+        [predicted(_half(one, scale, mantissa).view(np.uint16)) for one in shown]
+    )  # one by one: less memory
     return Encoded("half", tuple(planes.shape), scale, True, _planes(left))
 
 

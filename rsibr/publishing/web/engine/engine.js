@@ -10,8 +10,8 @@ rsibr.Engine = class Engine {
     const { arrays } = bundle;
     rsibr.requireRoom(gl, bundle);
     if (bundle.stored) {
-      const [directions, triangles, frames] = ["directions", "triangles", "frames"].map((name) => arrays[`stored.${name}`].data);
-      this.sphere = new rsibr.ViewSphere(directions, triangles, frames);
+      const { "stored.directions": directions, "stored.triangles": triangles, "stored.frames": frames } = arrays;
+      this.sphere = new rsibr.ViewSphere(directions.data, triangles.data, frames.data);
     }
     this._forget();
     this._lost = (event) => event.preventDefault();

@@ -72,7 +72,8 @@ void main() {
       if (error !== gl.NO_ERROR && error !== gl.CONTEXT_LOST_WEBGL) {
         this.free(made);
         const size = layers ? `${layers} textures of ${width} × ${height}` : `a texture of ${width} × ${height}`;
-        throw new rsibr.Unsupported(`The graphics card has no room for ${size} (error ${error}). Use fewer views or a lower resolution.`);
+        const what = `The graphics card has no room for ${size} (error ${error}).`;
+        throw new rsibr.Unsupported(`${what} Use fewer views or a lower resolution.`);
       }
       return made;
     }

@@ -10,9 +10,9 @@ vec4 bilinear(sampler2D texels, vec2 place, ivec2 start) {
     ivec2 corner = ivec2(place);
     vec2 between = place - vec2(corner);
     corner += start;
-    vec4 upper = mix(texelFetch(texels, corner, 0), texelFetch(texels, corner + ivec2(1, 0), 0), between.x);
-    vec4 lower = mix(texelFetch(texels, corner + ivec2(0, 1), 0), texelFetch(texels, corner + ivec2(1, 1), 0), between.x);
-    return mix(upper, lower, between.y);
+    vec4 a = texelFetch(texels, corner, 0), b = texelFetch(texels, corner + ivec2(1, 0), 0);
+    vec4 c = texelFetch(texels, corner + ivec2(0, 1), 0), d = texelFetch(texels, corner + ivec2(1, 1), 0);
+    return mix(mix(a, b, between.x), mix(c, d, between.x), between.y);
 }
 
 vec4 bilinear(sampler2D texels, vec2 place) {
@@ -22,7 +22,7 @@ vec4 bilinear(sampler2D texels, vec2 place) {
 vec4 bilinear(sampler2DArray texels, vec2 place, int layer) {
     ivec3 corner = ivec3(ivec2(place), layer);
     vec2 between = place - vec2(corner.xy);
-    vec4 upper = mix(texelFetch(texels, corner, 0), texelFetch(texels, corner + ivec3(1, 0, 0), 0), between.x);
-    vec4 lower = mix(texelFetch(texels, corner + ivec3(0, 1, 0), 0), texelFetch(texels, corner + ivec3(1, 1, 0), 0), between.x);
-    return mix(upper, lower, between.y);
+    vec4 a = texelFetch(texels, corner, 0), b = texelFetch(texels, corner + ivec3(1, 0, 0), 0);
+    vec4 c = texelFetch(texels, corner + ivec3(0, 1, 0), 0), d = texelFetch(texels, corner + ivec3(1, 1, 0), 0);
+    return mix(mix(a, b, between.x), mix(c, d, between.x), between.y);
 }

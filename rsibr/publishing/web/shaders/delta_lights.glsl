@@ -19,6 +19,14 @@ float coatedGgx(vec3 wi, vec3 wo, float alpha) {
     return below * (1.0 - schlick(wi.z)) * (1.0 - schlick(wo.z));
 }
 
+vec3 ratioAt(ivec2 node) {
+    return texelFetch(proxyRatio, node, 0).rgb;
+}
+
+vec3 packetOf(int lobe, int k) {
+    return texelFetch(proxies, ivec2(k, lobe), 0).rgb;
+}
+
 vec3 ratioOf(int lobe, vec3 wi, vec3 wo, float alpha, bool isMatte) {
     vec2 place;
     if (isMatte) {
@@ -33,21 +41,20 @@ vec3 ratioOf(int lobe, vec3 wi, vec3 wo, float alpha, bool isMatte) {
     ivec2 corner = min(ivec2(place), NODES - 2);
     vec2 between = place - vec2(corner);
     corner.x += NODES * lobe;
-    vec3 upper = mix(texelFetch(proxyRatio, corner, 0).rgb, texelFetch(proxyRatio, corner + ivec2(1, 0), 0).rgb, between.x);
-    vec3 lower = mix(texelFetch(proxyRatio, corner + ivec2(0, 1), 0).rgb, texelFetch(proxyRatio, corner + ivec2(1, 1), 0).rgb, between.x);
+    vec3 upper = mix(ratioAt(corner), ratioAt(corner + ivec2(1, 0)), between.x);
+    vec3 lower = mix(ratioAt(corner + ivec2(0, 1)), ratioAt(corner + ivec2(1, 1)), between.x);
     return mix(upper, lower, between.y);
 }
 
 vec3 reflectedBy(int lobe, vec3 wi, vec3 wo) {
     vec4 head = texelFetch(proxies, ivec2(0, lobe), 0);
     float bare = max(wi.z, 0.0) * 0.3183098861837907, coated = bare * (1.0 - schlick(wi.z)) * (1.0 - schlick(wo.z));
-    vec3 total = bare * texelFetch(proxies, ivec2(1, lobe), 0).rgb + coated * texelFetch(proxies, ivec2(2, lobe), 0).rgb;
+    vec3 total = bare * packetOf(lobe, 1) + coated * packetOf(lobe, 2);
     for (int k = 0; k < int(head.z); k++) {
-        float alpha = texelFetch(proxies, ivec2(3 + 4 * k, lobe), 0).x;
+        float alpha = packetOf(lobe, 3 + 4 * k).x;
         vec2 plain = ggx(wi, wo, alpha);
-        total += plain.x * texelFetch(proxies, ivec2(4 + 4 * k, lobe), 0).rgb;
-        total += plain.y * texelFetch(proxies, ivec2(5 + 4 * k, lobe), 0).rgb;
-        total += coatedGgx(wi, wo, alpha) * texelFetch(proxies, ivec2(6 + 4 * k, lobe), 0).rgb;
+        total += plain.x * packetOf(lobe, 4 + 4 * k) + plain.y * packetOf(lobe, 5 + 4 * k);
+        total += coatedGgx(wi, wo, alpha) * packetOf(lobe, 6 + 4 * k);
     }
     return total * ratioOf(lobe, wi, wo, head.x, head.y > 0.0);
 }

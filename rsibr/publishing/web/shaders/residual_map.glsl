@@ -10,5 +10,6 @@ void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
     vec3 n = normalFromDisk(coveredMiddle(texelCentre(at, size), size));
     vec3 stored = texelFetch(maps, ivec3(at + 1, view), 0).rgb * mapScale;
-    texel = vec4((stored - predicted(n, size, CARRIES_MIRROR == 1)) / byCosine(ALBEDO_ROW, ALBEDO_NODES - 1, n.z).rgb, 1.0);
+    vec3 residual = stored - predicted(n, size, CARRIES_MIRROR == 1);
+    texel = vec4(residual / byCosine(ALBEDO_ROW, ALBEDO_NODES - 1, n.z).rgb, 1.0);
 }

@@ -5,5 +5,6 @@ uniform sampler2D tables;
 vec4 byCosine(int row, int last, float cosine) {
     float place = sqrt(clamp(cosine, 0.0, 1.0)) * float(last);
     int below = min(int(place), last - 1);
-    return mix(texelFetch(tables, ivec2(below, row), 0), texelFetch(tables, ivec2(below + 1, row), 0), place - float(below));
+    vec4 lower = texelFetch(tables, ivec2(below, row), 0), upper = texelFetch(tables, ivec2(below + 1, row), 0);
+    return mix(lower, upper, place - float(below));
 }

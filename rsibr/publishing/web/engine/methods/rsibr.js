@@ -126,7 +126,9 @@
         const rows = ROWS.map((name) => this.array(name === "sharp" ? `sharp.${size}` : name));
         for (let k = 0; k < this.model.matte; k++) rows.push(this.array(`matte.${k}`));
         const levelRow = rows.length, levels = this.array(`levels.${size}`), { NODES, ALBEDO_NODES } = rsibr.constants;
-        if (levels) for (let k = 0; k < levels.shape[0]; k++) rows.push({ data: levels.data.subarray(4 * NODES * k, 4 * NODES * (k + 1)) });
+        for (let k = 0; levels && k < levels.shape[0]; k++) {
+          rows.push({ data: levels.data.subarray(4 * NODES * k, 4 * NODES * (k + 1)) });
+        }
         const sumRow = rows.length;
         if (levels) rows.push({ data: summed(levels.data, levels.shape[0]) });
         const four = new Float32Array(4 * ALBEDO_NODES * rows.length);
@@ -144,7 +146,8 @@
       const values = this._predicting(sphere.frame(view), size), largest = bundle.precision === "half" ? 65504 : 3e38;
       gpu.draw(gpu.program("residual_map", this._defines(size)), this.raw,
         { ...values, maps: carried.texture, mapScale: carried.scale, view, size });
-      gpu.draw(gpu.program("fill_stored"), this.residuals, { map: this.raw, filling: this.filling, largest }, { layer: view });
+      const filling = { map: this.raw, filling: this.filling, largest };
+      gpu.draw(gpu.program("fill_stored"), this.residuals, filling, { layer: view });
       this.known.add(view);
     }
 
@@ -203,8 +206,7 @@
         this.gpu.upload(texture, data);
         return texture;
       });
-      const three = (row) => Array.from({ length: lights.shape[0] }, (_, k) => Array.from(lights.data.subarray(6 * k + 3 * row, 6 * k + 3 * row + 3)));
-      const directions = three(0), irradiance = three(1);
+      const { directions, irradiance } = rsibr.deltaLights(lights);
       return {
         count: directions.length, lobes: proxies.shape[0],
         uniforms: (frame) => ({

@@ -70,7 +70,9 @@
       for (const name of ["diffuse", "specular"]) {
         const map = this.array(name) && this.image(this.array(name));
         this.defines[`HAS_${name.toUpperCase()}`] = map ? 1 : 0;
-        if (map) Object.assign(this.values, { [`${name}Map`]: map.texture, [`${name}Size`]: map.size, [`${name}Scale`]: map.scale });
+        if (!map) continue;
+        const { texture, size, scale } = map;
+        Object.assign(this.values, { [`${name}Map`]: texture, [`${name}Size`]: size, [`${name}Scale`]: scale });
       }
     }
   }
@@ -87,15 +89,17 @@
   class SplitSum extends Shading {
     constructor(engine) {
       super(engine, "split-sum");
-      const { glossy, harmonics, lobes } = this.meta, albedos = Array.from({ length: glossy }, (_, k) => this.array(`albedo.${k}`));
+      const { glossy, harmonics, lobes } = this.meta;
+      const albedos = Array.from({ length: glossy }, (_, k) => this.array(`albedo.${k}`));
       this.addTables([this.array("diffuse"), ...albedos], rsibr.constants.ALBEDO_NODES);
       if (glossy) this.addCubes(2 * glossy);
       const lights = this.array("lights"), count = lights ? lights.shape[0] : 0;
       Object.assign(this.defines, { GLOSSY: glossy, DELTA_LIGHTS: count, DELTA_LOBES: count ? lobes.length : 0 });
       this.values.harmonics = harmonics;
       if (!count) return;
-      const three = (row) => Array.from({ length: count }, (_, k) => Array.from(lights.data.subarray(6 * k + 3 * row, 6 * k + 3 * row + 3))).flat();
-      Object.assign(this.values, { lightDirections: three(0), lightIrradiance: three(1), lobes: lobes.flat() });
+      const { directions, irradiance } = rsibr.deltaLights(lights);
+      const delta = { lightDirections: directions.flat(), lightIrradiance: irradiance.flat(), lobes: lobes.flat() };
+      Object.assign(this.values, delta);
     }
   }
 
