@@ -2,7 +2,14 @@
 // What a bundle takes on the graphics card, and whether there is room for it.
 (() => {
   const area = (side) => (side + 2) * (side + 2);
+  const TABLES = /^(miller1984\.(diffuse|specular)|(kautz2003|split-sum)\.cube\..*|model\.(mirrorImage|irradiance\..*))$/;
+  const texels = (shape) => shape.reduce((product, one) => product * one, 1) / 3;
   const sum = (numbers) => numbers.reduce((total, one) => total + one, 0);
+
+  const packed = (sides) => {
+    const { width, height } = rsibr.atlas(sides.map((side) => side + 2));
+    return width * height;
+  };
 
   /** Bytes on the graphics card with maps of `size` texels of all methods: so that a page can say it before. */
   rsibr.memory = function memory(bundle, size) {
@@ -11,10 +18,12 @@
     const layers = stored ? stored.views * area(stored.resolution) : 0, mirrored = arrays["stored.mirrored"];
     const sources = layers * (mirrored ? 16 : wide) + (model && mirrored ? layers * 16 : 0);
     const residuals = model && model.carries ? layers * wide : 0;
-    const levels = model && light ? sum(light.sides.slice(0, model.lightLevels).map(area)) * 16 : 0;
+    const levels = model && model.lightLevels && light ? packed(light.sides.slice(0, model.lightLevels)) * 16 : 0;
     const image = light ? area(light.sides[0]) * 16 : 0;
     const pyramid = model && model.hasLevels ? 6 * area(model.side) * 16 : 0;
-    return Math.round(maps + sources + residuals + levels + image + pyramid);
+    const images = Object.keys(arrays).filter((name) => TABLES.test(name));
+    const tables = sum(images.map((name) => texels(arrays[name].shape) * 16));
+    return Math.round(maps + sources + residuals + levels + image + pyramid + tables);
   };
 
   /** Throw `Unsupported` where the graphics card cannot keep the stored maps or the light of a bundle. */
