@@ -145,3 +145,11 @@ def test_garbage_of_numpy_does_not_end_the_process_while_it_records():
     done = subprocess.run([sys.executable, "-c", LITTERED], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "alive"
+
+
+def test_a_recording_of_one_size_is_not_replayed_at_another(small_bakes):
+    """Dr.Jit 1.5 took a map of 256² for one of 96² where the tables of both are alike in shape."""
+    made = MethodSet(small_bakes("rough-aluminium"))["rsibr"]
+    for resolution in (96, 256, 96):
+        assert made.map(view_frame([1, 2, 3]), resolution).shape[:2] == (resolution, resolution)
+    assert made._frozen.recordings == 2
