@@ -1,34 +1,41 @@
 #!/bin/sh
-# See to what the page's tests need beside Python: a Chromium on the PATH, and the packages of tests/publishing/node.
-# Installs Chromium where apt-get is there and may run; where it cannot, it says so, and those tests are skipped.
+# See to the clients of the tests beside Python: a Chromium on the PATH, OpenEXR's own `exrheader`, and the packages of
+# tests/publishing/node. Installs what is missing where apt-get is there and may run; where it cannot, it says so, and
+# the tests that need it are skipped.
 set -eu
 
-found=
-for name in chromium chromium-browser google-chrome; do
-    found=${found:-$(command -v "$name" || true)}
-done
+chromium() {
+    for name in chromium chromium-browser google-chrome; do
+        command -v "$name" && return
+    done
+    return 1
+}
 
-if [ -z "$found" ] && command -v apt-get >/dev/null; then
+missing=
+chromium >/dev/null || missing="chromium"
+command -v exrheader >/dev/null || missing="$missing openexr"
+
+if [ -n "$missing" ] && command -v apt-get >/dev/null; then
     as_root=
     if [ "$(id -u)" != 0 ]; then as_root="sudo -n"; fi
     if $as_root true 2>/dev/null; then
-        echo "browser: installing chromium"
+        echo "browser: installing $missing"
         $as_root env DEBIAN_FRONTEND=noninteractive apt-get update -qq >/dev/null 2>&1 || true
-        $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium >/dev/null || true
-        found=$(command -v chromium || true)
+        for package in $missing; do
+            $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$package" >/dev/null || true
+        done
     fi
 fi
 
-if [ -n "$found" ]; then
+if found=$(chromium); then
     echo "browser: $found"
 else
-    echo "browser: no Chromium, and no apt-get that may install one: tests of the page are skipped"
+    echo "browser: no Chromium, and no apt-get that may install one: tests of pages are skipped"
 fi
+command -v exrheader >/dev/null || echo "exrheader: not there: tests that read files with it are skipped"
 
 node=$(dirname "$0")/../tests/publishing/node
-if [ ! -f "$node/package.json" ]; then
-    exit 0
-elif command -v npm >/dev/null; then
+if command -v npm >/dev/null; then
     npm ci --silent --no-audit --no-fund --prefix "$node"
     echo "node: packages of tests/publishing/node"
 else
