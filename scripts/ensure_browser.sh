@@ -4,7 +4,7 @@
 # the tests that need it are skipped.
 set -eu
 
-chromium() {
+path_of_chromium() {
     for name in chromium chromium-browser google-chrome; do
         command -v "$name" && return
     done
@@ -12,7 +12,7 @@ chromium() {
 }
 
 missing=
-chromium >/dev/null || missing="chromium"
+path_of_chromium >/dev/null || missing="chromium"
 command -v exrheader >/dev/null || missing="$missing openexr"
 
 if [ -n "$missing" ] && command -v apt-get >/dev/null; then
@@ -27,7 +27,7 @@ if [ -n "$missing" ] && command -v apt-get >/dev/null; then
     fi
 fi
 
-if found=$(chromium); then
+if found=$(path_of_chromium); then
     echo "browser: $found"
 else
     echo "browser: no Chromium, and no apt-get that may install one: tests of pages are skipped"
