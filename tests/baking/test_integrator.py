@@ -15,7 +15,8 @@ from rsibr.geometry.frame import view_frame
 from rsibr.geometry.projections.sphere_map import LEAST_COVERAGE, texel_coverage
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
-from rsibr.scene.material import PRESETS, load_material
+from rsibr.scene.material import load_material
+from rsibr.scene.presets import PRESETS
 from rsibr.validation.reference import render_reference
 from tests.arrays import disk_grid, unit_vectors
 

@@ -21,7 +21,8 @@ from rsibr.geometry.frame import view_frame
 from rsibr.resources import scenes
 from rsibr.scene.config import Config, parse_config
 from rsibr.scene.environment import load_environment
-from rsibr.scene.material import PRESETS, load_material
+from rsibr.scene.material import load_material
+from rsibr.scene.presets import PRESETS
 from rsibr.store.bake import Bake
 from rsibr.validation.flip import exposures_for
 from rsibr.validation.metrics import compare

@@ -14,7 +14,7 @@ from rsibr.cli.completion import complete_override
 from rsibr.cli.method_names import listed_methods
 from rsibr.methods.registry import method_names
 from rsibr.scene.config import EffectsConfig
-from rsibr.scene.material import PRESETS
+from rsibr.scene.presets import PRESETS
 
 ROOT = Path(__file__).parents[2]
 RSIBR = [sys.executable, "-c", "from rsibr.cli.app import main; main()"]

@@ -16,7 +16,8 @@ from rsibr.geometry.frame import view_frame
 from rsibr.resources import scenes
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig
 from rsibr.scene.environment import load_environment
-from rsibr.scene.material import PRESETS, load_material
+from rsibr.scene.material import load_material
+from rsibr.scene.presets import PRESETS
 from rsibr.validation.reference import render_reference
 from tests.statistics.comparison import Comparison, compared
 from tests.statistics.failures import kept_on_failure
