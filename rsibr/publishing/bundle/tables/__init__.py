@@ -1,0 +1,1 @@
+"""Tables of the methods that a page draws: each system's in a file of its own, found by import."""
