@@ -19,6 +19,7 @@ from rsibr.cli.reconstruct import reconstruct
 from rsibr.cli.render import render
 from rsibr.cli.study import study
 from rsibr.cli.validate import validate
+from rsibr.cli.view import view
 from rsibr.cli.watchdog import end
 from rsibr.errors import RsibrError
 
@@ -29,7 +30,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (demo, doctor, plan, bake, check, reconstruct, render, validate, study, compare):
+for command in (demo, doctor, plan, bake, check, reconstruct, render, view, validate, study, compare):
     app.command()(command)
 
 

@@ -38,6 +38,15 @@ rsibr.OrbitCamera = class {
     this.zoom = Math.min(Math.max(this.zoom * factor, 0.25), 40);
   }
 
+  /** Zoom so that points, the corners of a box, fill the picture. */
+  fit(points, aspect) {
+    this.zoom = 1;
+    const m = this.clip(aspect);
+    const row = ([x, y, z], k) => m[k] * x + m[4 + k] * y + m[8 + k] * z + m[12 + k];
+    const reach = points.map((p) => Math.max(Math.abs(row(p, 0)), Math.abs(row(p, 1))) / row(p, 3));
+    this.magnify(0.94 / Math.max(...reach));
+  }
+
   /** Axes right, up and back, unit vectors. */
   get axes() {
     const s = Math.sin(this.azimuth), c = Math.cos(this.azimuth);

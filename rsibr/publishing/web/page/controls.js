@@ -106,7 +106,9 @@ rsibr.Controls = class {
     if (scale.hidden) return;
     const colours = isError ? page.colours.error : page.colours.luminance;
     const ticks = isError ? page.error.ticks : rsibr.luminanceTicks(page.exposure * 2 ** state.exposure);
-    this.at("scale-label").textContent = isError ? "relative error of a texel" : "luminance of the radiance, W sr⁻¹ m⁻²";
+    const quantity = isError ? "relative error of a texel" : "luminance, W sr⁻¹ m⁻²";
+    this.at("scale-label").textContent = quantity;
+    scale.setAttribute("aria-label", `Colour scale, ${quantity}: ${ticks.map(([, text]) => text).join(", ")}`);
     this.at("ramp").style.background = `linear-gradient(to right, ${colours.join(", ")})`;
     this.at("ticks").replaceChildren(...ticks.map(([place, text]) => {
       const tick = document.createElement("span");

@@ -33,7 +33,7 @@ void main() {
 `;
 
 /** Shapes without a bake: grey, so that they are not taken for rendered. */
-rsibr.unbakedFragmentGlsl = `
+rsibr.unbakedFragmentGlsl = () => `
 ${MESH_INPUTS}${rsibr.safeNormalGlsl}
 void main() {
   vec3 v = toViewer();
@@ -43,7 +43,7 @@ void main() {
 
 /** Typed arrays of the mesh as the page holds it: differences of indices summed, positions and normals interleaved. */
 rsibr.meshArrays = function (stored) {
-  const { positions, normals, faces } = stored;
+  const [positions, normals, faces] = ["positions", "normals", "faces"].map((name) => stored[name].data);
   const count = positions.length / 3, vertices = new Int16Array(8 * count), indices = new Uint32Array(faces.length);
   for (let k = 0; k < count; k++) {
     for (let axis = 0; axis < 3; axis++) {

@@ -7,7 +7,7 @@ const COVERED = 0.5; // texels with less coverage are not judged, as in rsibr.va
 /** References of the page: descriptions with their radiance (3, N, N planar) and coverage. */
 rsibr.referencesOf = function (page, arrays) {
   return page.references.map((told, k) => {
-    const { size } = told, texels = size * size, radiance = arrays[`reference${k}`], rgba = new Float32Array(4 * texels);
+    const { size } = told, texels = size * size, radiance = rsibr.numbers(arrays[`reference${k}`]), rgba = new Float32Array(4 * texels);
     const coverage = rsibr.diskCoverage(size);
     for (let t = 0; t < texels; t++) {
       for (let c = 0; c < 3; c++) rgba[4 * t + c] = radiance[c * texels + t];

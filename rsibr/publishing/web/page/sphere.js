@@ -42,7 +42,7 @@ void main() {
 `;
 
 /** Reference of a view, or the error of the map against it; texel by texel, in the parallel projection of that view. */
-rsibr.referenceFragmentGlsl = `
+rsibr.referenceFragmentGlsl = () => `
 ${rsibr.toneGlsl}${HIT_SPHERE}
 uniform sampler2D map, reference;
 uniform mat3 frame;
@@ -67,15 +67,16 @@ void main() {
 }
 `;
 
-/** The environment in Mitsuba's lat-long convention. */
-rsibr.backgroundFragmentGlsl = `
+/** The environment in Mitsuba's lat-long convention; its first and last rows lie on the poles. */
+rsibr.backgroundFragmentGlsl = () => `
 ${rsibr.toneGlsl}
 in vec3 origin, direction;
 out vec4 result;
 uniform sampler2D environment;
 void main() {
   vec3 d = normalize(direction);
-  vec2 place = vec2(atan(d.x, -d.z) / 6.283185307179586, acos(clamp(d.y, -1.0, 1.0)) / 3.141592653589793);
-  result = shown(textureLod(environment, vec2(fract(place.x), place.y), 0.0).rgb, 1.0);
+  float rows = float(textureSize(environment, 0).y), polar = acos(clamp(d.y, -1.0, 1.0)) / 3.141592653589793;
+  vec2 place = vec2(atan(d.x, -d.z) / 6.283185307179586, (polar * (rows - 1.0) + 0.5) / rows);
+  result = shown(textureLod(environment, place, 0.0).rgb, 1.0);
 }
 `;

@@ -52,8 +52,8 @@ rsibr.Stage = class {
   }
 
   sphere(camera, state, method, rectangle) {
-    const program = this.program(`sphere ${state.lookup}`, this.engines[0], method, state.lookup, rsibr.rayVertexGlsl, rsibr.sphereFragmentGlsl);
-    const lookup = this.lookup(this.engines[0], method, camera, state, program);
+    const program = this.surface(rsibr.rayVertexGlsl, rsibr.sphereFragmentGlsl, this.engines[0], method, state.lookup);
+    const lookup = this.lookup(this.engines[0], method, camera, state);
     this.onto(this.around(camera, rectangle));
     this.cast(program, camera, { ...lookup, ...this.tone(state) });
   }
@@ -61,14 +61,11 @@ rsibr.Stage = class {
   object(camera, state, method, rectangle) {
     const shared = this.meshUniforms(camera, state);
     this.engines.forEach((engine, bake) => {
-      const program = this.program(`mesh ${bake}`, engine, method, state.lookup, rsibr.meshVertexGlsl, rsibr.meshFragmentGlsl);
-      this.triangles(program, rectangle, bake, { ...this.lookup(engine, method, camera, state, program), ...shared });
+      const program = this.surface(rsibr.meshVertexGlsl, rsibr.meshFragmentGlsl, engine, method, state.lookup);
+      this.triangles(program, rectangle, bake, { ...this.lookup(engine, method, camera, state), ...shared });
     });
     if (!this.page.object.parts.some((part) => part.bake < 0)) return;
-    if (!this.programs.has("unbaked")) {
-      this.programs.set("unbaked", rsibr.gl.program(this.gl, rsibr.meshVertexGlsl, rsibr.unbakedFragmentGlsl));
-    }
-    this.triangles(this.programs.get("unbaked"), rectangle, -1, shared);
+    this.triangles(this.program("unbaked", rsibr.meshVertexGlsl, rsibr.unbakedFragmentGlsl), rectangle, -1, shared);
   }
 
   triangles(program, rectangle, bake, { bind, ...uniforms }) {
@@ -92,12 +89,9 @@ rsibr.Stage = class {
     const gl = this.gl, reference = this.references[state.reference], { size, frame, floors } = reference;
     const map = this.engines[0].map(method, frame, size, { mips: false });
     this.onto(rectangle);
-    if (!this.programs.has("reference")) {
-      this.programs.set("reference", rsibr.gl.program(gl, rsibr.rayVertexGlsl, rsibr.referenceFragmentGlsl));
-    }
     this.unit(rsibr.mapUnit, map.texture);
     this.unit(rsibr.referenceUnit, reference.texture);
-    this.cast(this.programs.get("reference"), camera, {
+    this.cast(this.program("reference", rsibr.rayVertexGlsl, rsibr.referenceFragmentGlsl), camera, {
       frame,
       floors,
       errorRange: this.page.error.range,
@@ -111,14 +105,11 @@ rsibr.Stage = class {
   background(camera, state) {
     const gl = this.gl, environment = this.engines[0].environment, { width, height } = this.canvas;
     if (!environment) return;
-    if (!this.programs.has("background")) {
-      this.programs.set("background", rsibr.gl.program(gl, rsibr.rayVertexGlsl, rsibr.backgroundFragmentGlsl));
-    }
     this.unit(rsibr.environmentUnit, environment.texture);
     const { right, up, back } = camera.axes, fov = Math.max(camera.fov, LEAST_BACKGROUND_FOV);
     const half = Math.tan((fov * Math.PI) / 360) / camera.zoom, aspect = width / height;
     const across = { right: right.map((x) => x * half * aspect), up: up.map((x) => x * half), forward: back.map((x) => -x) };
-    const program = this.programs.get("background");
+    const program = this.program("background", rsibr.rayVertexGlsl, rsibr.backgroundFragmentGlsl);
     gl.useProgram(program);
     const rays = { eye: [0, 0, 0], ...across, parallel: 0, environment: { integer: rsibr.environmentUnit } };
     rsibr.gl.uniforms(gl, program, { ...rays, ...this.tone(state) });
@@ -127,7 +118,7 @@ rsibr.Stage = class {
   }
 
   /** Uniforms of the lookup; the map of the camera's central direction is made here. */
-  lookup(engine, method, camera, state, program) {
+  lookup(engine, method, camera, state) {
     if (state.lookup === "pixel") return { bind: engine.pixelShader(method).bind };
     const frame = engine.frame(camera.view);
     const map = engine.map(method, frame, state.size, { mips: true });
@@ -188,14 +179,16 @@ rsibr.Stage = class {
     this.gl.bindTexture(this.gl.TEXTURE_2D, texture);
   }
 
-  /** Program of a surface: one for all maps, one a method for the view of each pixel. */
-  program(kind, engine, method, lookup, vertex, fragment) {
-    const key = lookup === "pixel" ? `${kind} pixel ${method}` : `${kind.split(" ")[0]} ${lookup}`;
-    if (!this.programs.has(key)) {
-      const text = fragment(rsibr.lookupGlsl(engine, method, lookup));
-      this.programs.set(key, rsibr.gl.program(this.gl, vertex, text));
-    }
-    return this.programs.get(key);
+  program(name, vertex, fragment) {
+    if (!this.programs.has(name)) this.programs.set(name, rsibr.gl.program(this.gl, vertex, fragment()));
+    return this.programs.get(name);
+  }
+
+  /** Program of a surface: one for all maps; for the view of each pixel one a bake and method. */
+  surface(vertex, fragment, engine, method, lookup) {
+    const kind = fragment === rsibr.sphereFragmentGlsl ? "sphere" : "mesh";
+    const own = lookup === "pixel" ? ` ${this.engines.indexOf(engine)} ${method}` : "";
+    return this.program(`${kind} ${lookup}${own}`, vertex, () => fragment(rsibr.lookupGlsl(engine, method, lookup)));
   }
 
   colourTexture() {

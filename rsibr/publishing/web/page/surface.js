@@ -3,9 +3,9 @@
 var rsibr = globalThis.rsibr || (globalThis.rsibr = {});
 
 rsibr.lookups = {
-  pixel: "View of each pixel",
-  "map-reflection": "One map, by reflection",
-  "map-normal": "One map, by normal",
+  pixel: "Each pixel's view",
+  "map-reflection": "Map by reflection",
+  "map-normal": "Map by normal",
 };
 
 /** Texture unit of the map; the engine's own start at 4. */

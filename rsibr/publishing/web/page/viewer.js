@@ -19,7 +19,7 @@ rsibr.Viewer = class {
     this.losses = [];
     this.visible = true;
     this.state = {
-      method: "",
+      method: page.method,
       against: "",
       wipe: 0.5,
       lookup: "map-reflection",
@@ -45,20 +45,30 @@ rsibr.Viewer = class {
   /** Make a stage on a new canvas; throws rsibr.Unsupported. */
   open() {
     const old = this.elements.canvas, canvas = old.cloneNode(false);
+    canvas.addEventListener("webglcontextlost", (event) => {
+      event.stopImmediatePropagation(); // unheard by the engine, so that the browser does not restore it beside the next
+      if (this.stage?.canvas === canvas) this.lost();
+    });
     const stage = new rsibr.Stage(canvas, this.page, this.contents); // may throw: the old canvas stays
     old.replaceWith(canvas);
     this.elements.canvas = canvas;
     this.stage = stage;
     this.methods = stage.methods;
     if (!this.methods.includes(this.state.method)) this.state.method = this.methods[this.methods.length - 1];
-    canvas.addEventListener("webglcontextlost", (event) => {
-      event.preventDefault();
-      if (this.stage === stage) this.lost();
-    });
     rsibr.listenToGestures(canvas, this);
     this.elements.still.hidden = true;
     this.resize();
+    if (!this.isFramed) this.frameObject();
     this.changed();
+  }
+
+  /** Zoom to the object's bounding box. */
+  frameObject() {
+    this.isFramed = true;
+    if (!this.page.object) return;
+    const { lowest, extent } = this.page.object, { width, height } = this.elements.canvas;
+    const corners = Array.from({ length: 8 }, (_, k) => lowest.map((x, axis) => x + ((k >> axis) & 1) * extent[axis]));
+    this.camera.fit(corners, width / height);
   }
 
   /** A context that the browser took: make another, unless it keeps happening. */
@@ -153,6 +163,7 @@ rsibr.Viewer = class {
     this.leaveReference();
     this.stopMotion();
     this.camera.reset();
+    this.frameObject();
     this.changed();
   }
 
