@@ -25,7 +25,7 @@ from rsibr.geometry.frame import view_frame
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
-from rsibr.methods.rsibr.half_vector_lobes import FAST
+from rsibr.methods.rsibr.fidelity import FAST
 from rsibr.methods.rsibr.residual_transport import warped_residual
 from rsibr.scene.config import parse_config
 from rsibr.scene.environment import load_environment

@@ -22,7 +22,7 @@ from rsibr.lobes.shape_fit import sigmas
 from rsibr.lobes.visible_facets import seen_coated
 from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.rsibr.anisotropic_footprint import tap_spreads
-from rsibr.methods.rsibr.half_vector_lobes import FAST, FINE
+from rsibr.methods.rsibr.fidelity import FAST, FINE
 from rsibr.methods.rsibr.half_vector_pyramid import (
     LADDER,
     RESOLUTION,

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
 
 from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.latlong_texture import LatLongTexture
@@ -104,7 +106,11 @@ def mirror_of(
     lobes: Sequence[Lobe], pyramid: EnvironmentPyramid, light: Light, part: LobeShape | None, density: float
 ) -> tuple[DeltaLobe, CosineTable] | None:
     """Delta lobe and its albedo on the device; None if there is none, or it is not `part`."""
+    albedo = mirror_albedo(lobes, part)
+    return None if albedo is None else (DeltaLobe.of(light, pyramid, density), CosineTable.of(albedo))
+
+
+def mirror_albedo(lobes: Sequence[Lobe], part: LobeShape | None) -> NDArray[np.float64] | None:
+    """Albedo of the delta lobe at the nodes of the moments, (NODES, 3); None if there is none, or it is not `part`."""
     albedos = [albedo for shape, albedo in lobes if shape.is_mirror and part in (None, shape)]
-    if not albedos:
-        return None
-    return DeltaLobe.of(light, pyramid, density), CosineTable.of(albedo_at_nodes(albedos[0]))
+    return albedo_at_nodes(albedos[0]) if albedos else None

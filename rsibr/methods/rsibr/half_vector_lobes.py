@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -14,61 +13,26 @@ from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.lobes.gaussians import LobeShape
 from rsibr.methods.cosine_table import CosineTable
-from rsibr.methods.lobe_terms import Lobe, LobeTerms
-from rsibr.methods.rsibr.anisotropic_footprint import LookUp, ShadingFrame
+from rsibr.methods.lobe_terms import Lobe
+from rsibr.methods.rsibr.anisotropic_footprint import ShadingFrame
 from rsibr.methods.rsibr.delta_lobe import ROUGH, DeltaLobe, mirror_of
+from rsibr.methods.rsibr.fidelity import FAST, Fidelity
 from rsibr.methods.rsibr.half_vector_map import half_vector_point
 from rsibr.methods.rsibr.half_vector_pyramid import HalfVectorPyramid, balance, balanced, lookup
-from rsibr.methods.rsibr.lobe_weights import lobe_weights
 from rsibr.methods.rsibr.matte_light import MatteLight
+from rsibr.methods.rsibr.model_tables import ModelTables
 from rsibr.methods.rsibr.narrow_gaussians import NarrowGaussians
 from rsibr.methods.rsibr.polar_grid import PolarGrid
-from rsibr.methods.rsibr.wide_light import POINTS, WideLight
+from rsibr.methods.rsibr.wide_light import WideLight
 from rsibr.methods.texel_mean import radial_mean
 
 MapTables = tuple["mi.Float | None", "PolarGrid | None"]
 """What is gathered once a map: the collapsed half-vector pyramid, and the light of the wide Gaussians."""
 
 
-@dataclass(frozen=True)
-class Fidelity:
-    """How finely the light of narrow Gaussians is gathered.
-
-    Attributes
-    ----------
-    resolution : int
-        Texels a side of the half-vector pyramid's level 0.
-    points : int
-        Points of the quadrature over wide Gaussians; see `SlopeQuadrature.of`.
-    ratio : float
-        Greatest ratio of the widths of Gaussians that share a footprint; if it is infinite, all do, with three lookups.
-    between_levels : bool
-        Whether footprints are interpolated between two levels of the environment pyramid; otherwise the nearest is
-        taken.
-    texels : float
-        Variance of a Gaussian over that of a normal in a texel of the map, below which it has a footprint of its own.
-    """
-
-    resolution: int
-    points: int
-    ratio: float
-    between_levels: bool
-    texels: float
-
-    def look_up(self, environment: EnvironmentPyramid) -> LookUp:
-        """Lookup of the environment in footprints."""
-        return environment.blurred if self.between_levels else environment.nearest_blurred
-
-
 _STEP, _MOST = 0.12, 4  # angle of normals [rad] that one point of a texel stands for, and points of a texel at most
 _FINE_MAP = 200  # texels a side from which one point stands for every texel, those at the rim too
 _FLATTEST = 0.02  # cosine below which their number does not grow further
-
-FAST = Fidelity(resolution=96, points=POINTS, ratio=math.inf, between_levels=False, texels=0.0)
-"""For `rsibr`."""
-
-FINE = Fidelity(resolution=192, points=384, ratio=1.6, between_levels=True, texels=9.0)
-"""For `rsibr-fine`."""
 
 
 @dataclass(eq=False)
@@ -121,26 +85,20 @@ class HalfVectorLobes:
         callable
             Texels a side of a map → `HalfVectorLobes` for it, the same each time.
         """
-        terms, parts = LobeTerms.pair(lobes, part)
+        tables = ModelTables.of(lobes, part, fidelity)
         finest = fidelity.resolution
-        wide = WideLight.of(terms.gaussians, parts.gaussians, finest, fidelity.points)
-        mirror, matte = mirror_of(lobes, pyramid, light, part, density), MatteLight.of(parts.matte, light)
+        wide = None if tables.wide is None else WideLight.from_tables(tables.wide)
+        mirror, matte = mirror_of(lobes, pyramid, light, part, density), MatteLight.of(tables.matte, light)
 
         @cache
         def of_maps(resolution: int) -> HalfVectorLobes:
-            texel = (2 / resolution) ** 2 / 12  # of a box filter, where the texel faces the viewer
-            weights, whole = (
-                lobe_weights(terms.narrow, counted, finest, texel, fidelity.texels)
-                for counted in (parts.narrow, terms.narrow)
-            )
-            tables, all_tables = ([CosineTable.of(level) for level in one.levels] for one in (weights, whole))
+            sized = tables.for_maps(resolution)
+            all_levels = [CosineTable.of(level) for level in sized.all_levels]
             return cls(
                 light=pyramid,
-                levels=tables if whole.has_levels else [],
-                balance=balance(all_tables, finest)  # of the whole, so that parts add up
-                if whole.has_levels
-                else mi.Float(0),
-                sharp=NarrowGaussians.of(terms.narrow, parts.narrow, whole.sharp, ratio=fidelity.ratio),
+                levels=[] if sized.levels is None else [CosineTable.of(level) for level in sized.levels],
+                balance=mi.Float(0) if sized.levels is None else balance(all_levels, finest),
+                sharp=None if sized.sharp is None else NarrowGaussians.from_tables(sized.sharp),
                 wide=wide,
                 mirror=mirror,
                 matte=matte,

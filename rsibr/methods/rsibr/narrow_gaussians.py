@@ -21,6 +21,45 @@ Array = NDArray[np.float64]
 _PACKETS = 3  # a footprint: (α, is coated, 0, 0), plain weight, grazing weight
 
 
+@dataclass(frozen=True, eq=False)
+class FootprintTables:
+    """Footprints on the host.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (footprints, 3, 4)
+        (α of the masking, 1 if coated, 0, 0), plain RGB0, grazing RGB0.
+    seen : ndarray, shape (footprints, NODES, 2, 4)
+        At each of `NODES` angles even in √cos θ share of the albedo (RGB) and standard deviation, then the tilt of the
+        centre.
+    is_single : bool
+        Whether there is one footprint for all.
+    """
+
+    rows: Array
+    seen: Array
+    is_single: bool
+
+    @classmethod
+    def of(
+        cls,
+        terms: Sequence[GaussianTerm],
+        parts: Sequence[GaussianTerm],
+        fractions: Array | None = None,
+        *,
+        ratio: float,
+    ) -> FootprintTables | None:
+        """Put narrow Gaussians together; parameters and result as of `NarrowGaussians.of`."""
+        kept = np.ones((len(terms), NODES)) if fractions is None else fractions
+        groups = _groups(terms, [k for k in range(len(terms)) if kept[k].any()], ratio)
+        if not groups:
+            return None
+        rows, seen = np.zeros((len(groups), _PACKETS, 4)), np.zeros((len(groups), NODES, 2, 4))
+        for row, angles, members in zip(rows, seen, groups, strict=True):
+            _fill(row, angles, [(terms[k], parts[k], kept[k]) for k in members])
+        return cls(rows, seen, bool(np.isinf(ratio)))
+
+
 @dataclass(eq=False)
 class NarrowGaussians:
     """Footprints on the device, each of a few Gaussians of similar width.
@@ -71,19 +110,18 @@ class NarrowGaussians:
         NarrowGaussians or None
             None if there is nothing to gather.
         """
-        kept = np.ones((len(terms), NODES)) if fractions is None else fractions
-        groups = _groups(terms, [k for k in range(len(terms)) if kept[k].any()], ratio)
-        if not groups:
-            return None
-        rows, seen = np.zeros((len(groups), _PACKETS, 4)), np.zeros((len(groups), NODES, 2, 4))
-        for row, angles, members in zip(rows, seen, groups, strict=True):
-            _fill(row, angles, [(terms[k], parts[k], kept[k]) for k in members])
+        tables = FootprintTables.of(terms, parts, fractions, ratio=ratio)
+        return None if tables is None else cls.from_tables(tables)
+
+    @classmethod
+    def from_tables(cls, tables: FootprintTables) -> NarrowGaussians:
+        """Put footprints on the device."""
         return cls(
-            to_device(mi.Float, rows.astype(np.float32)),
-            to_device(mi.Float, seen.astype(np.float32)),
-            dr.opaque(mi.UInt32, len(groups)),
+            to_device(mi.Float, tables.rows.astype(np.float32)),
+            to_device(mi.Float, tables.seen.astype(np.float32)),
+            dr.opaque(mi.UInt32, len(tables.rows)),
             tap_spreads(),
-            is_single=bool(np.isinf(ratio)),
+            is_single=tables.is_single,
         )
 
     def radiance(self, shading: ShadingFrame, spacing: mi.Float, look_up: LookUp) -> mi.Color3f:

@@ -14,7 +14,8 @@ from rsibr.methods.lobe_terms import Lobe
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
 from rsibr.methods.rsibr.belief import Belief, Image, StoredView, judged, learnt
-from rsibr.methods.rsibr.half_vector_lobes import FAST, Fidelity, HalfVectorLobes, LobesOfMaps, MapTables
+from rsibr.methods.rsibr.fidelity import FAST, Fidelity
+from rsibr.methods.rsibr.half_vector_lobes import HalfVectorLobes, LobesOfMaps, MapTables
 from rsibr.methods.rsibr.lobe_integral import LobeIntegral
 from rsibr.methods.rsibr.residual_method import ResidualMethod, ResidualOptions, residual_method
 from rsibr.methods.rsibr.rsibr_points import RsibrPoints

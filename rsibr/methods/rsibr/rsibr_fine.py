@@ -5,7 +5,7 @@ from __future__ import annotations
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.protocol import Needs
 from rsibr.methods.registry import register
-from rsibr.methods.rsibr.half_vector_lobes import FINE
+from rsibr.methods.rsibr.fidelity import FINE
 from rsibr.methods.rsibr.rsibr import Rsibr, model_with_residuals
 
 

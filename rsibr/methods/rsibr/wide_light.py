@@ -30,6 +30,38 @@ POINTS = 256
 _STRIDE = 40  # lanes a node
 
 
+@dataclass(frozen=True, eq=False)
+class WideTables:
+    """Wide Gaussians of a material on the host.
+
+    Attributes
+    ----------
+    quadrature : SlopeQuadrature
+        Points at each ring of the polar grid.
+    resolution : int
+        Texels a side of level 0 of the half-vector pyramid.
+    share : ndarray, shape (NODES, 3)
+        Share of the wide Gaussians in the albedo by cos θ.
+    """
+
+    quadrature: SlopeQuadrature
+    resolution: int
+    share: Array
+
+    @classmethod
+    def of(
+        cls, terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], resolution: int, points: int
+    ) -> WideTables | None:
+        """Place the points for the wide ones of `terms`; parameters and result as of `SlopeQuadrature.of`."""
+        members = [(term, part) for term, part in zip(terms, parts, strict=True) if term.is_wide]
+        quadrature = SlopeQuadrature.of(
+            [term for term, _ in members], [part for _, part in members], resolution, points
+        )
+        if quadrature is None:
+            return None
+        return cls(quadrature, resolution, cast("Array", sum(part.share for _, part in members)))
+
+
 @dataclass(eq=False)
 class WideLight:
     """Wide Gaussians of a material on the device.
@@ -58,19 +90,20 @@ class WideLight:
         points: int = POINTS,
     ) -> WideLight | None:
         """Put the wide ones of `terms` on the device; None if there are none. Parameters as of `SlopeQuadrature.of`."""
-        members = [(term, part) for term, part in zip(terms, parts, strict=True) if term.is_wide]
-        quadrature = SlopeQuadrature.of(
-            [term for term, _ in members], [part for _, part in members], resolution, points
-        )
-        if quadrature is None:
-            return None
+        tables = WideTables.of(terms, parts, resolution, points)
+        return None if tables is None else cls.from_tables(tables)
+
+    @classmethod
+    def from_tables(cls, tables: WideTables) -> WideLight:
+        """Put the points of a quadrature on the device."""
+        quadrature = tables.quadrature
         rings, count = quadrature.levels.shape
         rows = np.zeros((rings, count, 2, 4))
         rows[..., 0, :2], rows[..., 1, :3] = quadrature.places, quadrature.weights
-        starts, sides = (np.array(column) for column in level_places(resolution))
+        starts, sides = (np.array(column) for column in level_places(tables.resolution))
         rows[..., 0, 2], rows[..., 0, 3] = starts[quadrature.levels], sides[quadrature.levels]
-        share = cast("Array", sum(part.share for _, part in members))
-        return cls(to_device(mi.Float, rows.astype(np.float32)), dr.opaque(mi.UInt32, count), CosineTable.of(share))
+        points = to_device(mi.Float, rows.astype(np.float32))
+        return cls(points, dr.opaque(mi.UInt32, count), CosineTable.of(tables.share))
 
     def grid(self, pyramid: HalfVectorPyramid) -> PolarGrid:
         """Mean light [W sr⁻¹ m⁻²] of the wide Gaussians at the nodes of a polar grid over the map of `pyramid`."""

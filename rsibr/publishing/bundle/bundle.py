@@ -128,5 +128,3 @@ def _chosen(bake: StoredMaps, methods: Sequence[str] | None) -> tuple[str, ...]:
         if name not in served:
             raise InputError(f"the bake does not serve '{name}'", where=str(bake.path), fix=f"give of: {served}")
     return tuple(name for name in served if name in methods)
-
-

@@ -10,7 +10,7 @@ from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.rsibr.belief import NODES, StoredView, _weight, judged, learnt
-from rsibr.methods.rsibr.half_vector_lobes import FAST, FINE
+from rsibr.methods.rsibr.fidelity import FAST, FINE
 from tests.arrays import disk_grid
 from tests.lobe_shapes import matte, one_gaussian
 from tests.methods.conftest import MATERIALS, RESOLUTION

@@ -9,7 +9,8 @@ from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.lobes.albedo import node_cosines
 from rsibr.lobes.gaussians import LobeShape
-from rsibr.methods.rsibr.half_vector_lobes import FAST, FINE, HalfVectorLobes
+from rsibr.methods.rsibr.fidelity import FAST, FINE
+from rsibr.methods.rsibr.half_vector_lobes import HalfVectorLobes
 from tests.arrays import to_numpy, vector
 from tests.lobe_shapes import coated, ggx, matte, one_gaussian
 from tests.methods.rsibr.test_lobe_integral import disk_normals

@@ -14,7 +14,8 @@ from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.lobes.albedo import node_cosines
 from rsibr.methods.lobe_albedo import LobeAlbedo
-from rsibr.methods.rsibr.half_vector_lobes import FAST, FINE, HalfVectorLobes
+from rsibr.methods.rsibr.fidelity import FAST, FINE
+from rsibr.methods.rsibr.half_vector_lobes import HalfVectorLobes
 from rsibr.methods.rsibr.residual_transport import DARKEST, clamped, trusted, warped_residual
 from rsibr.methods.rsibr.rsibr import Rsibr
 from rsibr.methods.warp_blend.blend import Mixture, triangle_mix
