@@ -16,12 +16,15 @@ LLVM := $(VENV)/llvm.env
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo car test test-slow test-all mutants lint bench fuzz notebooks docs lock clean
+.PHONY: help setup browser demo car test test-slow test-all mutants lint bench fuzz notebooks docs lock clean
 
 help: ## list these goals
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{printf "%-18s %s\n", $$1, $$2}'
 
 setup: $(LLVM) ## virtual environment, dependencies, package, libLLVM
+
+browser: ## Chromium for the tests of the page, and the packages of tests/publishing/node
+	@sh scripts/ensure_browser.sh
 
 demo: setup ## the main job, small: bake, reconstruct, validate; report in out/demo
 	@$(WITH_LLVM) $(BIN)/rsibr demo --out $(OUT)/demo

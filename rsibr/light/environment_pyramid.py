@@ -184,12 +184,31 @@ def blurred_levels(picture: NDArray[np.float32]) -> list[NDArray[np.float32]]:
 def _all_levels(picture: NDArray[np.float32]) -> list[NDArray[np.float32]]:
     widths, level, levels = level_widths(len(picture)), picture, []
     for before, width in itertools.pairwise(widths):
-        resolution = level_resolution(len(picture), width)
-        added = width**2 - _spacing(resolution) ** 2 / 6 - before**2
-        level = _blurred(EnvironmentPyramid._stacked([level], [before]), math.sqrt(added), resolution)
+        resolution, added = level_resolution(len(picture), width), added_blur(len(picture), before, width)
+        level = _blurred(EnvironmentPyramid._stacked([level], [before]), added, resolution)
         level.setflags(write=False)
         levels.append(level)
     return levels
+
+
+def added_blur(resolution: int, before: float, width: float) -> float:
+    """Standard deviation [rad] of the Gaussian that makes the level of `width` from the one before it.
+
+    What the tent filters of the lookups in either level add is left out; `resolution` as in `level_widths`.
+    """
+    return math.sqrt(width**2 - _spacing(level_resolution(resolution, width)) ** 2 / 6 - before**2)
+
+
+def blur_taps(width: float) -> NDArray[np.float64]:
+    """Places in the tangent plane [rad] and weight of the taps of a blur of standard deviation `width`, (taps, 4).
+
+    A Gaussian cut off at `_REACH`, rescaled to the full variance; the last column is zero.
+    """
+    x, y = (grid.ravel() for grid in np.meshgrid(*[np.linspace(-_REACH, _REACH, _TAPS)] * 2))
+    near = np.hypot(x, y) <= _REACH
+    x, y, weight = x[near], y[near], np.exp(-0.5 * (x**2 + y**2))[near]
+    width *= math.sqrt(weight.sum() / (weight @ x**2))
+    return np.stack([x * width, y * width, weight / weight.sum(), 0 * weight], axis=1)
 
 
 def _spacing(resolution: int) -> float:
@@ -199,12 +218,7 @@ def _spacing(resolution: int) -> float:
 
 def _blurred(source: EnvironmentPyramid, width: float, resolution: int) -> NDArray[np.float32]:
     """Blur the only level of `source` by a Gaussian of standard deviation `width` [rad]."""
-    # Taps in the tangent plane: a Gaussian cut off at _REACH, rescaled to the full variance
-    x, y = (grid.ravel() for grid in np.meshgrid(*[np.linspace(-_REACH, _REACH, _TAPS)] * 2))
-    near = np.hypot(x, y) <= _REACH
-    x, y, weight = x[near], y[near], np.exp(-0.5 * (x**2 + y**2))[near]
-    width *= math.sqrt(weight.sum() / (weight @ x**2))
-    taps = np.stack([x * width, y * width, weight / weight.sum(), 0 * weight], axis=1)
+    taps = blur_taps(width)
     packed, count = to_device(mi.Float, taps.astype(np.float32)), dr.opaque(mi.UInt32, len(taps))
     # Sum of the taps around each texel's direction
     d = texel_directions(resolution)

@@ -35,17 +35,29 @@ class Frozen:
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        self._frozen = dr.freeze(function, limit=RECORDINGS, warn_after=2**31 - 1)
+        self._function = function
+        # For each set of integers one of its own: Dr.Jit 1.5 takes some other arguments to be those of a recording that
+        # was made with another integer, and replays an image of another size
+        self._frozen: dict[tuple[int, ...], Any] = {}
+        self._dropped = 0
 
     @property
     def recordings(self) -> int:
         """Number of times the function has been traced."""
-        return int(self._frozen.n_recordings)
+        return self._dropped + sum(int(one.n_recordings) for one in self._frozen.values())
 
     def __call__(self, *arguments: Any) -> Any:
         """Replay the recording for these arguments, or make it."""
         with _uncollected():
-            return self._frozen(*arguments)
+            return self._of(tuple(one for one in arguments if isinstance(one, int)))(*arguments)
+
+    def _of(self, integers: tuple[int, ...]) -> Any:
+        """Recordings with these integers among the arguments; those of the least recently used ones are dropped."""
+        known = self._frozen.pop(integers, None)
+        self._frozen[integers] = known or dr.freeze(self._function, limit=RECORDINGS, warn_after=2**31 - 1)
+        if len(self._frozen) > RECORDINGS:
+            self._dropped += int(self._frozen.pop(next(iter(self._frozen))).n_recordings)
+        return self._frozen[integers]
 
 
 @contextmanager

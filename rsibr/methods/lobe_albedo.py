@@ -29,8 +29,13 @@ class LobeAlbedo:
     @classmethod
     def of(cls, albedo: NDArray[np.float64]) -> LobeAlbedo:
         """Put a table of shape (NODES, 3) on the device; see `rsibr.lobes.albedo`."""
-        return cls(CosineTable.of(np.maximum(albedo, _LEAST * max(_LEAST_SHARE, float(albedo.max())))))
+        return cls(CosineTable.of(divisible(albedo)))
 
     def at(self, cosine: mi.Float) -> mi.Color3f:
         """Albedo at cos θ, linear between the nodes."""
         return self.table.colour(cosine)
+
+
+def divisible(albedo: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Table of an albedo, (NODES, 3), bounded away from zero."""
+    return np.maximum(albedo, _LEAST * max(_LEAST_SHARE, float(albedo.max())))

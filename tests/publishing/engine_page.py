@@ -14,8 +14,7 @@ START = """
 async () => {
   const bundle = await rsibr.decodeBundle(document.getElementById("rsibr-bundle"));
   window.canvas = document.createElement("canvas");
-  const gl = canvas.getContext("webgl2");
-  window.engine = new rsibr.Engine(gl, bundle);
+  window.engine = new rsibr.Engine(canvas.getContext("webgl2"), bundle);
 }
 """
 
@@ -28,8 +27,6 @@ const base64 = (numbers) => {
 };
 """
 
-MAP = "([method, frame, size]) => base64(engine.read(engine.map(method, frame, size)))"
-
 
 class EnginePage:
     """An engine that runs in a page."""
@@ -38,11 +35,24 @@ class EnginePage:
         self.page = page
         self.page.evaluate(START)
 
+    def ask(self, code: str, *arguments: Any) -> Any:
+        """Value of a JavaScript function of the arguments."""
+        return self.page.evaluate(code, list(arguments))
+
+    def numbers(self, code: str, *arguments: Any) -> Any:
+        """Single numbers that a JavaScript function returns as a typed array."""
+        text = self.ask(f"async (given) => base64(await ({code})(given))", *arguments)
+        return np.frombuffer(base64.b64decode(text), np.float32)
+
     def map(self, method: str, frame: Any, size: int) -> Any:
         """Pixels of a map, (N, N, 3)."""
-        columns = np.asarray(frame).T.ravel().tolist()
-        text = self.page.evaluate(MAP, [method, columns, size])
-        return np.frombuffer(base64.b64decode(text), np.float32).reshape(size, size, 3)
+        code = "([method, frame, size]) => engine.read(engine.map(method, frame, size))"
+        return self.numbers(code, method, columns(frame), size).reshape(size, size, 3)
+
+
+def columns(frame: Any) -> list[float]:
+    """Nine numbers of a frame as the engine takes it."""
+    return np.asarray(frame).T.ravel().tolist()
 
 
 def html(bundle: Any) -> str:
@@ -54,9 +64,9 @@ def html(bundle: Any) -> str:
 
 
 @contextmanager
-def engine_page(browser, bundle, tmp_path):
+def engine_page(browser, bundle, folder):
     """Open the page of a bundle from the disk; an error in it fails the test."""
-    file = tmp_path / "engine.html"
+    file = folder / "engine.html"
     file.write_text(html(bundle), encoding="utf-8")
     page, errors = browser.new_page(), []
     page.on("pageerror", lambda error: errors.append(str(error)))
@@ -66,3 +76,10 @@ def engine_page(browser, bundle, tmp_path):
     finally:
         page.close()
     assert not errors, errors
+
+
+def relative_error(found, wanted, coverage):
+    """RelMSE over the texels of which at least half lies inside the disk."""
+    inside = coverage >= 0.5
+    a, b = found[inside].astype(np.float64), wanted[inside].astype(np.float64)
+    return float(((a - b) ** 2 / (b**2 + (0.1 * b.mean(axis=0)) ** 2)).mean())

@@ -56,11 +56,8 @@ class DeltaLobe:
         density : float
             `EXACT` or `ROUGH`. Applies to the image only; the finest level is sampled at its own texel distance.
         """
-        if light.image is None:
-            # Head-on, a map texel of width s reflects an angle of 2s; environment texels are √(4π)/R apart
-            return cls(pyramid, dr.opaque(mi.Float, len(light.picture) / math.sqrt(math.pi)))
-        image = LatLongTexture.of(light.image, light.frame)
-        return cls(image, dr.opaque(mi.Float, density * light.image.shape[1] / math.pi))
+        image = pyramid if light.image is None else LatLongTexture.of(light.image, light.frame)
+        return cls(image, dr.opaque(mi.Float, mirror_fineness(light, density)))
 
     def fetch(self, d: mi.Vector3f) -> mi.Color3f:
         """Radiance [W sr⁻¹ m⁻²] from unit directions in world coordinates."""
@@ -114,3 +111,13 @@ def mirror_albedo(lobes: Sequence[Lobe], part: LobeShape | None) -> NDArray[np.f
     """Albedo of the delta lobe at the nodes of the moments, (NODES, 3); None if there is none, or it is not `part`."""
     albedos = [albedo for shape, albedo in lobes if shape.is_mirror and part in (None, shape)]
     return albedo_at_nodes(albedos[0]) if albedos else None
+
+
+def mirror_fineness(light: Light, density: float) -> float:
+    """Sample points a side of a map texel, over the texel's width in radii of the disk; `density` as of `DeltaLobe.of`.
+
+    Head-on, a map texel of width s reflects an angle of 2s; texels of the octahedral image are √(4π)/R apart.
+    """
+    if light.image is None:
+        return len(light.picture) / math.sqrt(math.pi)
+    return float(density * light.image.shape[1] / math.pi)

@@ -1,4 +1,4 @@
-"""Tables of a material's model for whole maps, on the host: what `HalfVectorLobes` and the page are both filled from."""
+"""Tables of a material's model for whole maps, on the host; `HalfVectorLobes` and the page are filled from them."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ def model_with_residuals(
     """Make a method of the name, whose model gathers light as finely as `fidelity`; parameters as of `rsibr`."""
     options = ResidualOptions(inputs, uses_maps, lobe)
     belief, known = believed(options, fidelity) if options.carries else (None, None)
-    lobes = _scaled(inputs, belief)
+    lobes = scaled_lobes(inputs, belief)
     part = lobes[lobe][0] if lobe else None
     model = list(lobes.values()), inputs.pyramid, inputs.light, part, options.mirror_density
     is_known = known is not None and lobe is None and belief is not None and belief.is_full
@@ -162,7 +162,7 @@ def _learnt(options: ResidualOptions, fidelity: Fidelity) -> tuple[LobesOfMaps, 
     return whole, learnt(views, neighbours, len(lobes), by_lobe)
 
 
-def _scaled(inputs: MethodInputs, belief: Belief | None) -> dict[str, Lobe]:
+def scaled_lobes(inputs: MethodInputs, belief: Belief | None) -> dict[str, Lobe]:
     """Lobes by name, their albedos multiplied by the factors of a belief."""
     if belief is None or belief.is_full:
         return inputs.shapes

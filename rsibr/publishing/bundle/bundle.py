@@ -110,7 +110,7 @@ def bundle_of(
         "methods": list(chosen),
         "default": default if default in chosen else chosen[-1],
         "sizes": wanted,
-        **{name: part.meta for name, part in parts.items()},
+        **{name: part.meta for name, part in parts.items() if part.arrays},
     }
     arrays = {f"{name}.{key}": array for name, part in parts.items() for key, array in part.arrays.items()}
     return Bundle(meta, arrays)

@@ -93,7 +93,7 @@ def encoded_images(values: NDArray[np.floating[Any]], precision: Precision, mant
 
 
 def rounded(half: NDArray[np.float16], mantissa: int) -> NDArray[np.float16]:
-    """Round half numbers to fewer bits of mantissa; a number that would round up to infinity is cut off instead.
+    """Round half numbers to fewer bits of mantissa, ties to even; one that would become infinite is cut off instead.
 
     Examples
     --------
@@ -104,7 +104,7 @@ def rounded(half: NDArray[np.float16], mantissa: int) -> NDArray[np.float16]:
     if not dropped:
         return half
     bits = half.view(np.uint16).astype(np.uint32)
-    up = ((bits + (1 << (dropped - 1))) >> dropped) << dropped
+    up = ((bits + (1 << (dropped - 1)) - 1 + ((bits >> dropped) & 1)) >> dropped) << dropped
     is_finite = (up & 0x7C00) != 0x7C00
     return np.where(is_finite, up, bits >> dropped << dropped).astype(np.uint16).view(np.float16)
 

@@ -8,7 +8,7 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 
 from rsibr.publishing.bundle.bundle import FORMAT
-from rsibr.publishing.bundle.constants import constants
+from rsibr.publishing.bundle.constants import constants, glsl
 
 _WEB = files("rsibr.publishing") / "web"
 
@@ -23,7 +23,7 @@ def engine_script() -> str:
     False
     """
     shaders = {
-        "constants": "".join(f"const float {name} = {_literal(value)};\n" for name, value in constants().items()),
+        "constants": glsl(constants()),
         **{_stem(one): one.read_text(encoding="utf-8") for one in _found(_WEB / "shaders", ".glsl")},
     }
     code = [one.read_text(encoding="utf-8") for one in _found(_WEB / "engine", ".js")]
@@ -46,8 +46,3 @@ def _found(folder: Traversable, ending: str) -> list[Traversable]:
 
 def _stem(file: Traversable) -> str:
     return file.name.removesuffix(".glsl")
-
-
-def _literal(value: float) -> str:
-    text = repr(float(value))
-    return text if "." in text or "e" in text else f"{text}.0"

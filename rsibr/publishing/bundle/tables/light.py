@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.errors import InputError
+from rsibr.light.environment_pyramid import added_blur, blur_taps, level_resolution, level_widths
 from rsibr.publishing.bundle.contents import Part, Request, contributes
-from rsibr.publishing.bundle.encoding import encoded_images
+from rsibr.publishing.bundle.encoding import encoded, encoded_images
 
 MANTISSA = 7
 """Bits of the mantissa of the light's half numbers: a lookup averages over many texels, and rounding does not bias."""
@@ -21,7 +24,16 @@ def light(request: Request) -> Part:
         return Part()
     picture = bake.light.picture
     image = reduced(picture, request.light_size or len(picture))
-    return Part({"size": len(image)}, {"picture": encoded_images(image, request.precision, MANTISSA)})
+    widths = level_widths(len(image))
+    sides = [len(image), *(level_resolution(len(image), width) for width in widths[1:])]
+    blurs = [0.0, *(added_blur(len(image), before, after) for before, after in pairwise(widths))]
+    arrays = {"picture": encoded_images(image, request.precision, MANTISSA), "taps": encoded(_taps())}
+    return Part({"widths": widths, "sides": sides, "blurs": blurs}, arrays)
+
+
+def _taps() -> NDArray[np.float32]:
+    """Places and weights of the taps of a blur of standard deviation 1, shape (taps, 3)."""
+    return blur_taps(1.0)[:, :3].astype(np.float32)
 
 
 def reduced(picture: NDArray[np.float32], size: int) -> NDArray[np.float32]:

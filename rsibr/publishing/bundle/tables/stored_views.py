@@ -20,6 +20,8 @@ def stored_views(request: Request) -> Part:
     without it; `maps` are then the rest.
     """
     inputs = request.methods.inputs
+    if not inputs.bake.has_views:
+        return Part()  # a map that the closed form of the lobes is checked with
     options = ResidualOptions(inputs)
     apart = options.separate_mirror
     carried = np.stack([_inside(options.carried_image(one), one.coverage) for one in inputs.maps])

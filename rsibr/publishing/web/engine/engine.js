@@ -8,6 +8,7 @@ rsibr.Engine = class Engine {
     this.bundle = bundle;
     this.methods = bundle.methods.filter((name) => name in rsibr.METHODS);
     const { arrays } = bundle;
+    rsibr.requireRoom(gl, bundle);
     if (bundle.stored) {
       const [directions, triangles, frames] = ["directions", "triangles", "frames"].map((name) => arrays[`stored.${name}`].data);
       this.sphere = new rsibr.ViewSphere(directions, triangles, frames);
@@ -47,9 +48,24 @@ rsibr.Engine = class Engine {
     return { views, weights: this.sphere.areaWeights(v, views) };
   }
 
+  /** Work of a method before its first map, in steps between which the page stays alive; `progress` is told the share
+   *  that is done. Without it the first map takes that time. */
+  async prepare(method, progress = () => {}) {
+    const made = this.method(method);
+    if (!made.preparing) return;
+    for (const share of made.preparing()) {
+      progress(share);
+      this.gl.flush();
+      await new Promise((done) => setTimeout(done));
+      if (this.gl.isContextLost()) return;
+    }
+  }
+
   /** Sphere map of the view of a frame: {texture, target, size, levels}. Row 0 is the top of the library's map; beyond
-   *  the disk the rim goes on. It is drawn into the same texture each time, one for a method, a size, and `mips`. */
+   *  the disk the rim goes on. It is drawn into the same texture each time, one for a method, a size, and `mips`. Null while the
+   *  context is lost. */
   map(method, frame, size, { mips = true } = {}) {
+    if (this.gl.isContextLost()) return null;
     const { gpu } = this, made = this.method(method);
     if (!this.sizes.includes(size)) throw new RangeError(`maps of ${size} texels: there are ${this.sizes}`);
     const levels = mips ? Math.floor(Math.log2(size)) + 1 : 1;
@@ -62,6 +78,30 @@ rsibr.Engine = class Engine {
     if (levels > 1) gpu.makeLevels(map);
     gpu.done();
     return { texture: map.texture, target: map.target, size, levels, own: map };
+  }
+
+  /** Shading of pixels that each have a view of their own (perspective): {glsl, update(view), bind(program, unit)}.
+   *
+   *  `glsl` defines `vec3 radiance(vec3 n, vec3 v)`, unit vectors in world coordinates; it stands after `#version 300 es`
+   *  and before the page's own text, whose names should begin with `page`. Call `update` with the view of the middle of
+   *  the picture once a frame, and `bind` while the program is in use: it takes the texture units from `unit` on and
+   *  returns the next free one. Shaders of a lost context have to be made anew. */
+  pixelShader(method) {
+    const { glsl, uniforms } = this.method(method).pixel();
+    let values = null;
+    return {
+      glsl,
+      update: (view) => {
+        values = uniforms(rsibr.vector.unit(view));
+        this.gpu.done();
+      },
+      bind: (program, unit = 0) => this.gpu.set(this.gpu.described(program), values, unit),
+    };
+  }
+
+  /** Stored views as textures, shared by the shaders of pixels. */
+  get pixelViews() {
+    return this._kept("pixel views", () => new rsibr.PixelViews(this.gpu, this.sphere));
   }
 
   /** Red, green and blue of a map's texels, row by row from the top. */

@@ -22,6 +22,7 @@ void main() {
       }
       this.filtersFloat = Boolean(gl.getExtension("OES_texture_float_linear"));
       this.programs = new Map();
+      this.foreign = new WeakMap();
       this.textures = new Set();
       this.framebuffer = gl.createFramebuffer();
       this.nothing = gl.createVertexArray();
@@ -35,10 +36,7 @@ void main() {
     }
 
     _linked(name, defines, extra) {
-      const gl = this.gl;
-      const head = Object.entries(defines).map(([key, value]) => `#define ${key} ${value}\n`).join("");
-      const source = `#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;
-precision highp sampler2DArray;\nprecision highp isampler2D;\n${head}${rsibr.glsl(name)}${extra}`;
+      const gl = this.gl, source = `#version 300 es\n${rsibr.source(name, defines)}${extra}`;
       const program = gl.createProgram();
       for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, source]]) {
         const shader = gl.createShader(kind);
@@ -84,6 +82,7 @@ precision highp sampler2DArray;\nprecision highp isampler2D;\n${head}${rsibr.gls
       const gl = this.gl;
       const [format, type] = {
         RGBA16F: [gl.RGBA, gl.HALF_FLOAT], RGBA32F: [gl.RGBA, gl.FLOAT], RG16I: [gl.RG_INTEGER, gl.SHORT],
+        RGBA32I: [gl.RGBA_INTEGER, gl.INT],
       }[into.format];
       gl.bindTexture(into.target, into.texture);
       gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
@@ -107,7 +106,14 @@ precision highp sampler2DArray;\nprecision highp isampler2D;\n${head}${rsibr.gls
       gl.drawArrays(gl.TRIANGLES, 0, 3);
     }
 
-    /** Set uniforms by name; those that a program does not have are passed over. A texture takes the next unit. */
+    /** Uniforms of a page's own program, for `set`. */
+    described(program) {
+      if (!this.foreign.has(program)) this.foreign.set(program, { program, uniforms: uniforms_of(this.gl, program) });
+      return this.foreign.get(program);
+    }
+
+    /** Set uniforms by name; those that a program does not have are passed over. A texture takes the next unit. Returns
+     *  the next free one. */
     set(program, values, firstUnit = 0) {
       const gl = this.gl;
       let unit = firstUnit;
@@ -121,6 +127,7 @@ precision highp sampler2DArray;\nprecision highp isampler2D;\n${head}${rsibr.gls
         } else uniform.set(value);
       }
       gl.activeTexture(gl.TEXTURE0);
+      return unit;
     }
 
     /** Copy what was drawn into the target, from its lower left corner, to a place of another texture. */
@@ -184,12 +191,18 @@ precision highp sampler2DArray;\nprecision highp isampler2D;\n${head}${rsibr.gls
     }
   };
 
-  /** Text of a shader with what it includes, each file once. */
-  rsibr.glsl = function glsl(name, seen = new Set()) {
-    if (seen.has(name)) return "";
-    seen.add(name);
+  /** Text of a shader with its precisions and definitions, to stand after `#version 300 es`. */
+  rsibr.source = function source(name, defines) {
+    const kinds = ["float", "int", "sampler2D", "sampler2DArray", "isampler2D"];
+    const head = kinds.map((kind) => `precision highp ${kind};\n`).join("");
+    return head + Object.entries(defines).map(([key, value]) => `#define ${key} ${value}\n`).join("") + rsibr.glsl(name);
+  };
+
+  /** Text of a shader with what it includes; what is included twice counts once. */
+  rsibr.glsl = function glsl(name) {
     if (!(name in rsibr.shaders)) throw new Error(`there is no shader '${name}'`);
-    return rsibr.shaders[name].replace(/^#include <(\w+)>$/gm, (_, other) => glsl(other, seen));
+    const text = rsibr.shaders[name].replace(/^#include <(\w+)>$/gm, (_, other) => glsl(other));
+    return `#ifndef FILE_${name}\n#define FILE_${name}\n${text}#endif\n`;
   };
 
   function uniforms_of(gl, program) {

@@ -9,7 +9,7 @@ rsibr.SourceMaps = class SourceMaps {
     const isHalf = maps.type === "half" && !mirrored;
     this.resolution = resolution;
     this.scale = isHalf ? maps.scale : 1;
-    this.texture = rsibr.SourceMaps.layers(gpu, side, views, isHalf ? "RGBA16F" : "RGBA32F");
+    this.texture = gpu.texture(side, side, isHalf ? "RGBA16F" : "RGBA32F", { layers: views });
     const from = rsibr.SourceMaps.sources(bundle), plane = resolution * resolution;
     const layers = [maps, mirrored].filter(Boolean);
     const four = isHalf ? new Uint16Array(4 * texels) : new Float32Array(4 * texels);
@@ -29,14 +29,6 @@ rsibr.SourceMaps = class SourceMaps {
   /** Uniforms of `warp.glsl`. */
   get uniforms() {
     return { maps: this.texture, mapHalf: this.resolution / 2, mapScale: this.scale };
-  }
-
-  static layers(gpu, side, views, format) {
-    const most = gpu.gl.getParameter(gpu.gl.MAX_ARRAY_TEXTURE_LAYERS);
-    if (views > most) {
-      throw new rsibr.Unsupported(`This graphics card keeps ${most} maps at a time, the page holds ${views}. Bake fewer views.`);
-    }
-    return gpu.texture(side, side, format, { layers: views });
   }
 
   /** For each texel of a map with its border the texel inside the disk, without a border, that it takes its value from. */

@@ -59,7 +59,15 @@
       });
     }
 
-    release() {}
+    /** Shader of a pixel, and its uniforms around a middle view; see `Engine.pixelShader`. */
+    pixel() {
+      const { sources, pixelViews } = this.engine;
+      const defines = { WARP: this.warp.toUpperCase(), COUNT: this.count, ...pixelViews.defines };
+      return {
+        glsl: rsibr.source("pixel_warp_blend", defines),
+        uniforms: (view) => ({ ...sources.uniforms, ...pixelViews.uniforms(view) }),
+      };
+    }
   }
 
   rsibr.METHODS = rsibr.METHODS || {};
