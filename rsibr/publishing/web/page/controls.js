@@ -14,6 +14,7 @@ rsibr.Controls = class {
     this.bindButtons();
     this.fillKeys();
     viewer.listeners.push(() => this.show());
+    viewer.drawn.push(() => this.errors());
   }
 
   /** Lists that depend on what the engine serves; called once the stage is there. */
@@ -25,7 +26,7 @@ rsibr.Controls = class {
     this.options("tone", Object.entries(rsibr.toneCurves));
     this.options("size", page.sizes.map((size) => [size, `${size}²`]));
     this.options("show", [["picture", "Picture"], ["error", "Relative error"], ["reference", "Reference"]]);
-    this.options("reference", page.references.map((one, k) => [k, `${k + 1}: ${rsibr.direction(one.frame.slice(6))}${one.label && `, ${one.label}`}`]));
+    this.options("reference", page.references.map((one, k) => [k, `${k + 1}${one.label && `, ${one.label}`}`]));
     const { views } = stage.engines[0], stored = Array.from({ length: views.length / 3 }, (_, k) => [k, `${k}: ${rsibr.direction(views.subarray(3 * k, 3 * k + 3))}`]);
     this.options("stored", [["", "–"], ...stored]);
     this.at("references").hidden = !page.references.length;
@@ -33,10 +34,10 @@ rsibr.Controls = class {
     this.at("background").closest("label").hidden = !stage.hasEnvironment;
     if (stored.length < 2) return;
     const canvas = this.at("views"), sphere = new rsibr.ViewsSphere(canvas, stage.engines[0], (k) => this.viewer.goTo(sphere.views[k]));
-    this.viewer.elements.viewsSphere = () => {
+    this.viewer.drawn.push(() => {
       sphere.engine = this.viewer.stage.engines[0];
       this.storedViews(sphere.draw(this.viewer.camera), sphere.views);
-    };
+    });
   }
 
   options(id, entries) {
@@ -81,7 +82,7 @@ rsibr.Controls = class {
   }
 
   show() {
-    const { state, camera, page, stage } = this.viewer;
+    const { state, camera, page } = this.viewer;
     for (const id of ["method", "against", "lookup", "tone", "show", "size", "reference", "exposure"]) this.at(id).value = state[id];
     this.at("background").checked = state.background;
     this.at("fov").value = camera.fov;
@@ -93,7 +94,6 @@ rsibr.Controls = class {
     this.at("lookup").disabled = state.show !== "picture";
     this.wipe.show();
     this.scale();
-    if (stage) this.errors();
     if (!page.object) return;
     this.at("show").disabled = this.at("reference").disabled = true;
   }
@@ -127,7 +127,7 @@ rsibr.Controls = class {
     told.textContent = "";
     if (state.show !== "error") return;
     const found = this.viewer.errors().map(({ method, relMse }) => `${method} relMSE ${rsibr.formatted(relMse)}`);
-    told.textContent = `${found.join("; ")}; of it noise of the reference ${rsibr.formatted(contents.references[state.reference].noise)}`;
+    told.textContent = `${found.join("; ")}. The noise of the reference makes ${rsibr.formatted(contents.references[state.reference].noise)} of each.`;
   }
 
   storedViews({ views, weights }, directions) {

@@ -32,10 +32,11 @@ rsibr.gl = {
     return texture;
   },
 
-  /** Set the uniforms that the program has; vectors by their length, matrices as Float32Array of 9 or 16. */
+  /** Set the uniforms of the page that the program has, `pageEye` as eye: names apart from those of the engine. Vectors
+      go by their length, matrices are of 9 or 16 numbers. */
   uniforms(gl, program, values) {
     for (const [name, value] of Object.entries(values)) {
-      const at = gl.getUniformLocation(program, name);
+      const at = gl.getUniformLocation(program, `page${name[0].toUpperCase()}${name.slice(1)}`);
       if (at === null) continue;
       if (typeof value === "number") gl.uniform1f(at, value);
       else if (value.integer !== undefined) gl.uniform1i(at, value.integer);

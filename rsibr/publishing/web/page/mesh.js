@@ -3,32 +3,32 @@
 var rsibr = globalThis.rsibr || (globalThis.rsibr = {});
 
 rsibr.meshVertexGlsl = `
-uniform mat4 clip;
-uniform vec3 lowest, extent;      // of the bounding box; positions are stored as shares of it
+uniform mat4 pageClip;
+uniform vec3 pageLowest, pageExtent;      // of the bounding box; positions are stored as shares of it
 layout(location = 0) in vec3 place;
 layout(location = 1) in vec3 normal;
-out vec3 position, interpolated;
+out vec3 pagePosition, pageInterpolated;
 void main() {
-  position = lowest + extent * (place * 0.5 + 0.5);
-  interpolated = normal;
-  gl_Position = clip * vec4(position, 1.0);
+  pagePosition = pageLowest + pageExtent * (place * 0.5 + 0.5);
+  pageInterpolated = normal;
+  gl_Position = pageClip * vec4(pagePosition, 1.0);
 }
 `;
 
 const MESH_INPUTS = `
-in vec3 position, interpolated;
-out vec4 result;
-uniform vec3 eye, back;
-uniform float parallel;
-vec3 toViewer() { return parallel > 0.5 ? back : normalize(eye - position); }
-vec3 faceNormal() { return normalize(cross(dFdx(position), dFdy(position))); }
+in vec3 pagePosition, pageInterpolated;
+out vec4 pageResult;
+uniform vec3 pageEye, pageBack;
+uniform float pageParallel;
+vec3 pageToViewer() { return pageParallel > 0.5 ? pageBack : normalize(pageEye - pagePosition); }
+vec3 pageFaceNormal() { return normalize(cross(dFdx(pagePosition), dFdy(pagePosition))); }
 `;
 
 rsibr.meshFragmentGlsl = (lookup) => `
-${rsibr.toneGlsl}${MESH_INPUTS}${rsibr.safeNormalGlsl}${lookup}
+${lookup}${rsibr.toneGlsl}${MESH_INPUTS}${rsibr.safeNormalGlsl}
 void main() {
-  vec3 v = toViewer();
-  result = shown(radianceAt(safeNormal(interpolated, faceNormal(), v), v), 1.0);
+  vec3 v = pageToViewer();
+  pageResult = pageShown(pageRadianceAt(pageSafeNormal(pageInterpolated, pageFaceNormal(), v), v), 1.0);
 }
 `;
 
@@ -36,8 +36,8 @@ void main() {
 rsibr.unbakedFragmentGlsl = () => `
 ${MESH_INPUTS}${rsibr.safeNormalGlsl}
 void main() {
-  vec3 v = toViewer();
-  result = vec4(vec3(0.10 + 0.16 * dot(safeNormal(interpolated, faceNormal(), v), v)), 1.0);
+  vec3 v = pageToViewer();
+  pageResult = vec4(vec3(0.10 + 0.16 * dot(pageSafeNormal(pageInterpolated, pageFaceNormal(), v), v)), 1.0);
 }
 `;
 

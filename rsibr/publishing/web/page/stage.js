@@ -19,6 +19,8 @@ rsibr.Stage = class {
     this.references = contents.references.map((reference) => rsibr.referenceTexture(gl, reference));
     this.colours = this.colourTexture();
     this.programs = new Map();
+    this.pixelShaders = new Map();
+    this.prepared = new Set();
     this.nothing = gl.createVertexArray();
   }
 
@@ -30,6 +32,20 @@ rsibr.Stage = class {
 
   get hasEnvironment() {
     return Boolean(this.engines[0].environment);
+  }
+
+  /** Whether a method can be drawn at once. */
+  isReady(method) {
+    return this.prepared.has(method);
+  }
+
+  /** Work of a method before its first frame; the page stays alive meanwhile. */
+  async prepare(method, progress) {
+    const { engines } = this;
+    for (const [k, engine] of engines.entries()) {
+      await engine.prepare(method, (share) => progress((k + share) / engines.length));
+    }
+    this.prepared.add(method);
   }
 
   /** Draw a frame: one method, or two with the wipe between them. */
@@ -119,7 +135,11 @@ rsibr.Stage = class {
 
   /** Uniforms of the lookup; the map of the camera's central direction is made here. */
   lookup(engine, method, camera, state) {
-    if (state.lookup === "pixel") return { bind: engine.pixelShader(method).bind };
+    if (state.lookup === "pixel") {
+      const shader = this.pixelShader(engine, method);
+      shader.update(camera.view);
+      return { bind: (program) => shader.bind(program, rsibr.engineUnit) };
+    }
     const frame = engine.frame(camera.view);
     const map = engine.map(method, frame, state.size, { mips: true });
     this.unit(rsibr.mapUnit, map.texture);
@@ -188,7 +208,14 @@ rsibr.Stage = class {
   surface(vertex, fragment, engine, method, lookup) {
     const kind = fragment === rsibr.sphereFragmentGlsl ? "sphere" : "mesh";
     const own = lookup === "pixel" ? ` ${this.engines.indexOf(engine)} ${method}` : "";
-    return this.program(`${kind} ${lookup}${own}`, vertex, () => fragment(rsibr.lookupGlsl(engine, method, lookup)));
+    const text = () => fragment(rsibr.lookupGlsl(lookup === "pixel" && this.pixelShader(engine, method), lookup));
+    return this.program(`${kind} ${lookup}${own}`, vertex, text);
+  }
+
+  pixelShader(engine, method) {
+    const key = `${this.engines.indexOf(engine)} ${method}`;
+    if (!this.pixelShaders.has(key)) this.pixelShaders.set(key, engine.pixelShader(method));
+    return this.pixelShaders.get(key);
   }
 
   colourTexture() {

@@ -55,7 +55,8 @@ rsibr.start = async function (root) {
 
   function time(milliseconds) {
     const { canvas } = elements, { state } = rsibr.viewer;
-    const map = state.lookup === "pixel" ? "a view a pixel" : `map ${state.size}²`;
+    const side = state.show === "picture" ? state.size : rsibr.viewer.contents.references[state.reference].size;
+    const map = state.show === "picture" && state.lookup === "pixel" ? "a view a pixel" : `map ${side}²`;
     at("time").textContent = `${milliseconds.toFixed(milliseconds < 10 ? 1 : 0)} ms a frame, ${canvas.width} × ${canvas.height}, ${map}`;
   }
 };

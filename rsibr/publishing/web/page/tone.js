@@ -11,26 +11,26 @@ rsibr.toneCurves = {
 /** Stops that the scale of luminance spans below and above the radiance that is white. */
 rsibr.luminanceStops = { below: 8, above: 4 };
 
-/** GLSL: `vec4 shown(vec3 radiance, float alpha)`, sRGB with premultiplied alpha. Filmic: Narkowicz (2015). */
+/** GLSL: `vec4 pageShown(vec3 radiance, float alpha)`, sRGB with premultiplied alpha. Filmic: Narkowicz (2015). */
 rsibr.toneGlsl = `
-uniform float exposure;
-uniform int toneCurve;            // in the order of rsibr.toneCurves
-uniform vec2 luminanceStops;      // below, above
-uniform sampler2D colours;        // row 0: luminance, row 1: error
-vec3 encoded(vec3 x) { return mix(12.92 * x, 1.055 * pow(max(x, 1e-8), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, x)); }
-vec3 filmic(vec3 x) { return clamp(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0); }
-vec3 colour(float place, float row) {
-  float n = float(textureSize(colours, 0).x);
-  return texture(colours, vec2((clamp(place, 0.0, 1.0) * (n - 1.0) + 0.5) / n, row)).rgb;
+uniform float pageExposure;
+uniform int pageToneCurve;            // in the order of rsibr.toneCurves
+uniform vec2 pageLuminanceStops;      // below, above
+uniform sampler2D pageColours;        // row 0: luminance, row 1: error
+vec3 pageEncoded(vec3 x) { return mix(12.92 * x, 1.055 * pow(max(x, 1e-8), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, x)); }
+vec3 pageFilmic(vec3 x) { return clamp(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0); }
+vec3 pageColour(float place, float row) {
+  float n = float(textureSize(pageColours, 0).x);
+  return texture(pageColours, vec2((clamp(place, 0.0, 1.0) * (n - 1.0) + 0.5) / n, row)).rgb;
 }
-vec3 toned(vec3 radiance) {
-  vec3 x = max(radiance, 0.0) * exposure;
-  if (toneCurve == 0) return encoded(min(x, 1.0));
-  if (toneCurve == 1) return encoded(filmic(min(x, 1e4)));
+vec3 pageToned(vec3 light) {
+  vec3 x = max(light, 0.0) * pageExposure;
+  if (pageToneCurve == 0) return pageEncoded(min(x, 1.0));
+  if (pageToneCurve == 1) return pageEncoded(pageFilmic(min(x, 1e4)));
   float stops = log2(max(dot(x, vec3(0.2126, 0.7152, 0.0722)), 1e-20));
-  return colour((stops + luminanceStops.x) / (luminanceStops.x + luminanceStops.y), 0.25);
+  return pageColour((stops + pageLuminanceStops.x) / (pageLuminanceStops.x + pageLuminanceStops.y), 0.25);
 }
-vec4 shown(vec3 radiance, float alpha) { return vec4(toned(radiance) * alpha, alpha); }
+vec4 pageShown(vec3 light, float alpha) { return vec4(pageToned(light) * alpha, alpha); }
 `;
 
 rsibr.formatted = function (value) {

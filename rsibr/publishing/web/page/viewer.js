@@ -15,7 +15,8 @@ rsibr.Viewer = class {
     Object.assign(this, { page, contents, elements });
     this.camera = new rsibr.OrbitCamera(page.camera);
     this.stage = null;
-    this.listeners = [];
+    this.listeners = []; // called at every change
+    this.drawn = []; // called after every frame
     this.losses = [];
     this.visible = true;
     this.state = {
@@ -219,20 +220,50 @@ rsibr.Viewer = class {
     requestAnimationFrame((now) => {
       this.waiting = false;
       this.motion?.(now);
-      if (this.stage && this.visible) this.timedDraw();
+      if (this.stage && this.visible) this.isReady() ? this.timedDraw() : this.prepare();
       if (this.motion) this.changed();
     });
   }
 
   draw() {
-    this.stage?.draw(this.camera, this.state);
+    if (this.stage && this.isReady()) this.stage.draw(this.camera, this.state);
+  }
+
+  get shownMethods() {
+    return [this.state.method, this.state.against].filter(Boolean);
+  }
+
+  isReady() {
+    return this.shownMethods.every((method) => this.stage.isReady(method));
+  }
+
+  /** Prepare what is to be shown; the picture stays as it is until then. */
+  async prepare() {
+    if (this.preparing) return;
+    const { stage } = this;
+    this.preparing = true;
+    try {
+      for (const method of this.shownMethods.filter((name) => !stage.isReady(name))) {
+        await stage.prepare(method, (share) => this.elements.say(`Preparing ${method}: ${Math.round(100 * share)} %`));
+      }
+      this.elements.say("");
+    } finally {
+      this.preparing = false;
+    }
+    this.changed();
+  }
+
+  /** Resolves when the state is on the canvas. */
+  async settled() {
+    const isDone = () => this.stage && this.isReady() && !this.waiting && !this.motion;
+    do await new Promise((next) => requestAnimationFrame(next)); while (!isDone());
   }
 
   /** Draw and show the time until the GPU has finished. */
   timedDraw() {
     const { gl } = this.stage, begun = performance.now();
     this.draw();
-    this.elements.viewsSphere?.();
+    this.drawn.forEach((act) => act());
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
     const poll = () => {
@@ -248,7 +279,7 @@ rsibr.Viewer = class {
   /** Error of the methods shown against the reference in use: [{method, relMse}]. */
   errors() {
     const reference = this.contents.references[this.state.reference];
-    return [this.state.method, this.state.against].filter(Boolean).map((method) => {
+    return this.shownMethods.map((method) => {
       const map = this.stage.engines[0].map(method, reference.frame, reference.size, { mips: false });
       return { method, ...rsibr.errorAgainst(reference, this.stage.engines[0].read(map)) };
     });
