@@ -88,9 +88,7 @@ def _parts(ordered: list[str], meshes: Mapping[str, TriangleMesh], bake_of: Mapp
     return parts
 
 
-def _arrays(
-    meshes: list[TriangleMesh], lowest: NDArray[np.float64], extent: NDArray[np.float64]
-) -> dict[str, Encoded]:
+def _arrays(meshes: list[TriangleMesh], lowest: NDArray[np.float64], extent: NDArray[np.float64]) -> dict[str, Encoded]:
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts[:-1], strict=True)])
     place = 2 * (np.concatenate([mesh.vertices for mesh in meshes]) - lowest) / extent - 1

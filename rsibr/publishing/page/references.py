@@ -26,8 +26,8 @@ class PageReferences:
     Attributes
     ----------
     meta : list of dict
-        Of each view as the page's JSON holds it: `frame` (columns x, y, v), `label`, `size` in texels, `floors` (what is
-        added to the squared radiance of each channel), `noise` (relMSE of a perfect map).
+        Of each view as the page's JSON holds it: `frame` (columns x, y, v), `label`, `size` in texels, `floors` (what
+        is added to the squared radiance of each channel), `noise` (relMSE of a perfect map).
     arrays : dict of str to Encoded
         Radiance of each, `reference0` ….
     """

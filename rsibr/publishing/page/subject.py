@@ -88,9 +88,7 @@ def object_of(source: Source, named: Mapping[str, Bake], *, allow_large: bool = 
         raise InputError("no shape has a bake", where=scene.name, fix="give BAKE for all shapes, or ID=BAKE")
     bakes = list({bake.path: bake for bake in named.values()}.values())
     numbers = [bakes.index(next(one for one in bakes if one.path == bake.path)) for bake in named.values()]
-    mesh = object_mesh(
-        scene, {name: numbers[kind] for name, kind in types.of_shape.items()}, allow_large=allow_large
-    )
+    mesh = object_mesh(scene, {name: numbers[kind] for name, kind in types.of_shape.items()}, allow_large=allow_large)
     return Subject(bakes, _camera(scene), scene.name, mesh.meta, mesh.arrays, _notes(scene, types, bakes))
 
 

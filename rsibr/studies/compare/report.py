@@ -79,12 +79,13 @@ def write_comparison(document: CompareDocument, pictures: Sequence[ScenePictures
     """
     write_pictures(folder, "*.png", {name: picture for one in pictures for name, picture in one.named()})
     write_atomic(folder / JSON_NAME, document.to_json().encode())
-    write_atomic(folder / CSV_NAME, _table(document).encode())
+    write_atomic(folder / CSV_NAME, compare_table(document).encode())
     write_atomic(folder / PAGE_NAME, compare_page(document, pictures).encode())
     return folder / PAGE_NAME
 
 
-def _table(document: CompareDocument) -> str:
+def compare_table(document: CompareDocument) -> str:
+    """Text of `compare.csv`: a row a point."""
     return csv_table(COLUMNS, (row for scene in document.scenes for row in _rows(scene)))
 
 
