@@ -47,16 +47,19 @@ def show_bake(bake: Bake, *, most: int = _MOST_MAPS) -> Figure:
 def _error_and_time(validation: Validation) -> Figure:
     figure = Figure(figsize=(8, 4), layout="constrained")
     axes = figure.subplots()
+    floor = float(np.mean([view.noise_floor for view in validation.views]))
+    least = max(floor / 10, 1e-12)  # an estimate may be negative
+    axes.axhspan(least / 2, floor, color="#e8e8e8", zorder=0)
     for name, one in validation.summary.items():
-        value, (low, high) = max(one.rel_mse.value, 1e-12), one.rel_mse_range
-        bars = [[max(value - max(low, 1e-12), 0)], [max(high - value, 0)]]
-        axes.errorbar(one.seconds, value, yerr=bars, fmt="o", color=colour_of(name), capsize=2, markersize=6)
-        axes.annotate(name, (one.seconds, value), xytext=(7, 4), textcoords="offset points", fontsize=9)
-    axes.axhspan(0, float(np.mean([view.noise_floor for view in validation.views])), color="#e8e8e8", zorder=0)
+        value, low, high = (max(x, least) for x in (one.rel_mse.value, *one.rel_mse_range))
+        bars = [[value - min(low, value)], [max(high, value) - value]]
+        axes.errorbar(
+            one.seconds, value, yerr=bars, fmt="o", color=colour_of(name), capsize=2, markersize=6, label=name
+        )
     logarithmic(axes)
-    axes.set(xlabel="time a map", ylabel="relMSE: mean, least and largest of the views")
-    axes.margins(x=0.25)
+    axes.set(xlabel="time a map", ylabel="relMSE: mean, least, largest view", ylim=(least / 2, None))
     count_in(axes, "s")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 
