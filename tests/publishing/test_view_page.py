@@ -13,6 +13,15 @@ from rsibr.validation.report.references import read_references
 from rsibr.validation.validation import validate
 from tests.publishing.viewer_page import viewer_page
 
+REOPENED = """
+async () => {
+  const isOpen = () => Boolean(rsibr.viewer.stage && !rsibr.viewer.stage.gl.isContextLost());
+  for (let k = 0; k < 100 && !isOpen(); k++) await new Promise((next) => setTimeout(next, 50));
+  return isOpen();
+}
+"""
+"""Wait for a context, at most five seconds; the page's own policy forbids what Playwright's waiting would need."""
+
 METHODS = ("nearest", "blend", "cabral1999")
 
 
@@ -178,7 +187,7 @@ def test_a_click_on_the_sphere_of_views_goes_to_a_stored_view(page):
 def test_a_lost_context_is_made_anew(page):
     first = page.pixels()
     page.ask("() => rsibr.viewer.stage.gl.getExtension('WEBGL_lose_context').loseContext()")
-    page.page.wait_for_function("() => !!rsibr.viewer.stage && !rsibr.viewer.stage.gl.isContextLost()")
+    assert page.ask(REOPENED)
     assert np.array_equal(page.pixels(), first)
 
 
