@@ -57,11 +57,11 @@ def _triangles(shape: mi.Shape, name: str, where: str) -> TriangleMesh:
 
 
 def _of_mesh(mesh: mi.Mesh) -> TriangleMesh:
-    values = mi.traverse(mesh)
-    vertices = np.array(values["vertex_positions"], np.float64).reshape(-1, 3)
-    faces = np.array(values["faces"], np.int64).reshape(-1, 3)
+    vertex = dr.arange(mi.UInt32, mesh.vertex_count())
+    vertices = _rows(mesh.vertex_position(vertex), mesh.vertex_count())
+    faces = np.array(mesh.face_indices(dr.arange(mi.UInt32, mesh.face_count())), np.int64).T.reshape(-1, 3)
     if mesh.has_vertex_normals():
-        return TriangleMesh(vertices, faces, np.array(values["vertex_normals"], np.float64).reshape(-1, 3))
+        return TriangleMesh(vertices, faces, _rows(mesh.vertex_normal(vertex), mesh.vertex_count()))
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     normal = np.cross(b - a, c - a)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
