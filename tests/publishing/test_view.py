@@ -179,7 +179,7 @@ def test_the_demo_takes_less_than_two_mebibytes(tmp_path):
 @pytest.mark.slow
 def test_the_car_is_drawn_from_three_bakes(browser, baked, tmp_path):
     car = scenes() / "objects" / "car.xml"
-    materials = {"body": "rough-aluminium", "rubber": "matte-lambert", "metal": "mirror-silver"}
+    materials = {"body": "rough-aluminium", "rubber": "glossy-plastic", "metal": "rough-aluminium"}
     page = view({shape: baked(name) for shape, name in materials.items()}, mesh=car)
     assert any("'glass'" in note for note in page.notes)
     file = page.write(tmp_path / "car.html")

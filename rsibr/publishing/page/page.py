@@ -160,6 +160,10 @@ def _page(subject: Subject, bundles: list[Bundle], reference: Path | None, heigh
     first, factor = subject.bakes[0], exposure(subject.bakes)
     references = page_references(first, reference)
     shared = set.intersection(*(set(bundle.meta["sizes"]) for bundle in bundles))
+    methods = [name for name in bundles[0].meta["methods"] if all(name in one.meta["methods"] for one in bundles)]
+    if not methods or not shared:
+        what = "no method, or no size of maps, that all bakes serve"
+        raise InputError(what, where=subject.name, fix="bake all with the same [map] and [effects] settings")
     title = f"{subject.name or first.manifest.material.name} under {first.manifest.environment.name}"
     told = {
         "bakes": [bundle.meta["name"] for bundle in bundles],
@@ -168,7 +172,7 @@ def _page(subject: Subject, bundles: list[Bundle], reference: Path | None, heigh
         "exposure": factor,
         "sizes": sorted(shared),
         "size": min((one for one in shared if one >= 256), default=max(shared)),
-        "method": bundles[0].meta["default"],
+        "method": bundles[0].meta["default"] if bundles[0].meta["default"] in methods else methods[-1],
         "references": references.meta,
         "error": error_scale(),
         "colours": {"luminance": _hex_colours(_LUMINANCE_COLOURS), "error": bar_colours(_COLOURS)},

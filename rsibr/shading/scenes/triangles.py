@@ -15,6 +15,9 @@ from rsibr.shading.scenes.object_scene import ObjectScene
 _GRID = (128, 64)
 """Quads along the parameters u and v of a sphere, a cylinder or a disk; a silhouette is then off by 3e-4 radii."""
 
+_INSET = 1e-5
+"""Parameters keep this distance from 0 and 1, where Mitsuba finds no point of a cylinder."""
+
 _ROUND = ("sphere", "cylinder", "disk")
 
 
@@ -71,7 +74,7 @@ def _of_mesh(mesh: mi.Mesh) -> TriangleMesh:
 
 def _tessellated(shape: mi.Shape) -> TriangleMesh:
     columns, rows = _GRID
-    u, v = np.meshgrid(np.linspace(0, 1, columns + 1), np.linspace(0, 1, rows + 1))
+    u, v = np.meshgrid(np.linspace(_INSET, 1 - _INSET, columns + 1), np.linspace(_INSET, 1 - _INSET, rows + 1))
     place = mi.Point2f(mi.Float(u.ravel().astype(np.float32)), mi.Float(v.ravel().astype(np.float32)))
     at = shape.eval_parameterization(place, mi.RayFlags.All)
     dr.eval(at.p, at.n)
