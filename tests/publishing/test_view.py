@@ -81,10 +81,10 @@ def test_references_come_back_from_a_report(tmp_path):
     write_report(validation, tmp_path)
     found = read_references(tmp_path)
     assert (found.config_hash, found.labels) == ("ab", ["triangle centroid", "random"])
-    for one, view in zip(found.maps, validation.views, strict=True):
-        assert np.array_equal(one.radiance, view.reference.mean)
-        assert np.array_equal(one.variance, view.reference.variance_of_mean)
-        assert np.allclose(one.frame, view_frame(view.view), atol=1e-6)
+    for one, judged in zip(found.maps, validation.views, strict=True):
+        assert np.array_equal(one.radiance, judged.reference.mean)
+        assert np.array_equal(one.variance, judged.reference.variance_of_mean)
+        assert np.allclose(one.frame, view_frame(judged.view), atol=1e-6)
 
 
 def test_what_is_no_validation_of_the_bake_is_refused(baked, tmp_path):

@@ -56,7 +56,11 @@ def validation_card(validation: Validation) -> str:
     rows = [(name, estimate(summary[name].rel_mse), duration(summary[name].seconds)) for name in methods]
     bake = validation.bake
     count = len(validation.views)
-    facts = [f"{count} novel view{'s' * (count > 1)}", f"bake of {bake.views} views of {bake.resolution}²", "pictures: relative errors, 0.1 % to 100 %"]
+    facts = [
+        f"{count} novel view{'s' * (count > 1)}",
+        f"bake of {bake.views} views of {bake.resolution}²",
+        "pictures: relative errors, 0.1 % to 100 %",
+    ]
     table = _table(("method", "relMSE", "time a map"), rows)
     return _card(f"{bake.material} under {bake.environment}", facts, pictures, table)
 

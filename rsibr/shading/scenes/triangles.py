@@ -13,10 +13,7 @@ from rsibr.shading.scenes.mesh_repair import TriangleMesh
 from rsibr.shading.scenes.object_scene import ObjectScene
 
 _GRID = (128, 64)
-"""Quads along the parameters u and v of a sphere, a cylinder or a disk; a silhouette is then off by 3e-4 radii."""
-
-_INSET = 1e-5
-"""Parameters keep this distance from 0 and 1, where Mitsuba finds no point of a cylinder."""
+"""Quads along azimuth and polar angle of a sphere, a cylinder or a disk; a silhouette is then off by 3e-4 radii."""
 
 _ROUND = ("sphere", "cylinder", "disk")
 
@@ -73,17 +70,28 @@ def _of_mesh(mesh: mi.Mesh) -> TriangleMesh:
 
 
 def _tessellated(shape: mi.Shape) -> TriangleMesh:
+    """Grid over azimuth and polar angle, height or radius, carried by the shape's own transform."""
     columns, rows = _GRID
-    u, v = np.meshgrid(np.linspace(_INSET, 1 - _INSET, columns + 1), np.linspace(_INSET, 1 - _INSET, rows + 1))
-    place = mi.Point2f(mi.Float(u.ravel().astype(np.float32)), mi.Float(v.ravel().astype(np.float32)))
-    at = shape.eval_parameterization(place, mi.RayFlags.All)
-    dr.eval(at.p, at.n)
+    turn, share = np.meshgrid(np.linspace(0, 2 * np.pi, columns + 1), np.linspace(0, 1, rows + 1))
+    turn, share = turn.ravel(), share.ravel()
+    around, nothing = np.stack([np.cos(turn), np.sin(turn)]), np.zeros_like(turn)
+    kind = shape.class_name().lower()
+    if kind == "sphere":
+        polar = np.pi * share
+        place = normal = np.stack([*(np.sin(polar) * around), np.cos(polar)])
+    elif kind == "cylinder":
+        place, normal = np.stack([*around, share]), np.stack([*around, nothing])
+    else:
+        place, normal = np.stack([*(share * around), nothing]), np.stack([nothing, nothing, nothing + 1])
+    matrix = np.array(mi.traverse(shape)["to_world"].matrix, np.float64).reshape(4, 4)
+    vertices = (matrix[:3, :3] @ place).T + matrix[:3, 3]
+    normals = (np.linalg.inv(matrix[:3, :3]).T @ normal).T
     corner = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
     below = corner + columns + 1
     faces = np.concatenate([np.stack([corner, corner + 1, below], 1), np.stack([below, corner + 1, below + 1], 1)])
-    return TriangleMesh(_rows(at.p, u.size), faces, _rows(at.n, u.size))
+    return TriangleMesh(vertices, faces, normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
 
 def _rows(vectors: mi.Vector3f, count: int) -> NDArray[np.float64]:
-    """Vectors of all lanes, shape (count, 3); a disk has one normal for all."""
-    return np.broadcast_to(np.array(vectors, np.float64).T.reshape(-1, 3), (count, 3)).copy()
+    """Vectors of all lanes, shape (count, 3)."""
+    return np.array(vectors, np.float64).T.reshape(count, 3)
