@@ -72,8 +72,8 @@ def _of_mesh(mesh: mi.Mesh) -> TriangleMesh:
 def _tessellated(shape: mi.Shape) -> TriangleMesh:
     """Grid over azimuth and polar angle, height or radius, carried by the shape's own transform."""
     columns, rows = _GRID
-    turn, share = np.meshgrid(np.linspace(0, 2 * np.pi, columns + 1), np.linspace(0, 1, rows + 1))
-    turn, share = turn.ravel(), share.ravel()
+    grid = np.meshgrid(np.linspace(0, 2 * np.pi, columns + 1), np.linspace(0, 1, rows + 1))
+    turn, share = (one.ravel() for one in grid)
     around, nothing = np.stack([np.cos(turn), np.sin(turn)]), np.zeros_like(turn)
     kind = shape.class_name().lower()
     if kind == "sphere":
