@@ -1,12 +1,13 @@
 """The README's picture of `rsibr view`: a page in headless Chromium.
 
 rsibr view out/demo/paint.rsibr --validation out/demo --export out/view.html
-python scripts/viewer_picture.py out/view.html --out docs/_static/viewer.png
+python scripts/viewer_picture.py out/view.html --out docs/_static/viewer.jpg
 """
 
 from __future__ import annotations
 
 import argparse
+import io
 import shutil
 from pathlib import Path
 
@@ -26,10 +27,10 @@ async () => {
 
 
 def main() -> None:
-    """Open a page, compare two methods, and take its picture with a palette."""
+    """Open a page, compare two methods, and take its picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("page", type=Path)
-    parser.add_argument("--out", type=Path, default=Path("docs/_static/viewer.png"))
+    parser.add_argument("--out", type=Path, default=Path("docs/_static/viewer.jpg"))
     given = parser.parse_args()
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=list(ARGUMENTS))
@@ -38,10 +39,9 @@ def main() -> None:
         page.evaluate("async () => { await rsibr.ready; }")
         page.evaluate(STATE)
         page.wait_for_timeout(1500)
-        page.screenshot(path=given.out)
+        picture = page.screenshot()
         browser.close()
-    with Image.open(given.out) as picture:
-        picture.convert("RGB").quantize(128).save(given.out, optimize=True)
+    Image.open(io.BytesIO(picture)).convert("RGB").save(given.out, quality=90, optimize=True)
 
 
 if __name__ == "__main__":
