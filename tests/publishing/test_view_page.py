@@ -47,6 +47,14 @@ def opened(browser, exported):
 
 
 @pytest.fixture
+def fresh(browser, exported):
+    """A page of its own, for tests that take its context away."""
+    with viewer_page(browser, exported, 640, 480) as page:
+        page.home()
+        yield page
+
+
+@pytest.fixture
 def page(opened):
     """The page at its first view."""
     opened.home()
@@ -183,20 +191,20 @@ def test_a_click_on_the_sphere_of_views_goes_to_a_stored_view(page):
     assert page.page.input_value("#stored") != ""
 
 
-def test_a_lost_context_is_made_anew(page):
-    first = page.pixels()
-    page.ask("() => rsibr.viewer.stage.gl.getExtension('WEBGL_lose_context').loseContext()")
-    assert page.ask(REOPENED)
-    assert np.array_equal(page.pixels(), first)
+def test_a_lost_context_is_made_anew(fresh):
+    first = fresh.pixels()
+    fresh.ask("() => rsibr.viewer.stage.gl.getExtension('WEBGL_lose_context').loseContext()")
+    assert fresh.ask(REOPENED)
+    assert np.array_equal(fresh.pixels(), first)
 
 
-def test_a_picture_out_of_sight_gives_its_context_back_and_stays(page):
-    first = page.pixels()
-    page.ask("() => rsibr.viewer.release()")
-    assert page.page.locator("#still").is_visible()
-    assert page.ask("() => rsibr.viewer.stage === null")
-    page.ask("() => rsibr.viewer.reopen()")
-    assert np.array_equal(page.pixels(), first)
+def test_a_picture_out_of_sight_gives_its_context_back_and_stays(fresh):
+    first = fresh.pixels()
+    fresh.ask("() => rsibr.viewer.release()")
+    assert fresh.page.locator("#still").is_visible()
+    assert fresh.ask("() => rsibr.viewer.stage === null")
+    fresh.ask("() => rsibr.viewer.reopen()")
+    assert np.array_equal(fresh.pixels(), first)
 
 
 def test_without_webgl2_there_is_a_still_picture_and_a_reason(browser, exported):
