@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from rsibr.methods.reconstruction import reconstruct as reconstruct
     from rsibr.methods.registry import method_names as method_names
     from rsibr.methods.registry import register as register
+    from rsibr.publishing.page.page import view as view
     from rsibr.publishing.publish import publish as publish
     from rsibr.resources import configs as configs
     from rsibr.scene.config import load_config as load_config
@@ -92,6 +93,7 @@ _HOME = {
     "study": "rsibr.studies.runner",
     "timed": "rsibr.validation.validation",
     "validate": "rsibr.validation.validation",
+    "view": "rsibr.publishing.page.page",
 }
 """Module that holds each public function and class."""
 
@@ -143,6 +145,7 @@ __all__ = [
     "study",
     "timed",
     "validate",
+    "view",
 ]
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from rsibr.batches.result import JobResult
 from rsibr.store.atomic import write_atomic
-from rsibr.studies.csv_table import csv_table
+from rsibr.store.csv_table import csv_table
 
 INDEX_NAMES = ("index.sqlite", "index.csv", "index.parquet")
 

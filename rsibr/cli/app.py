@@ -26,6 +26,7 @@ from rsibr.cli.render import render
 from rsibr.cli.study import study
 from rsibr.cli.validate import validate
 from rsibr.cli.verbosity import Verbosity, choose
+from rsibr.cli.view import view
 from rsibr.cli.watchdog import end
 from rsibr.errors import RsibrError
 
@@ -47,6 +48,7 @@ _COMMANDS = (
     check,
     reconstruct,
     render,
+    view,
     publish,
     validate,
     study,

@@ -1,4 +1,4 @@
-"""`rsibr demo`: a small example of the whole pipeline, from bake to report."""
+"""`rsibr demo`: a small example of the whole pipeline, from bake to report and page."""
 
 from __future__ import annotations
 
@@ -10,24 +10,27 @@ import typer
 from rsibr.cli.options import Imports, Json, Yes, check_output_folder, imported
 from rsibr.cli.validate import print_validation
 from rsibr.cli.verbosity import is_verbose
+from rsibr.errors import printable
 
 VIEWS = 8
 SAMPLES = 512
+PAGE_NAME = "view.html"
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Directory for the bake and the report.")] = Path("out/demo"),
+    out: Annotated[Path, typer.Option(help="Directory for the bake, the report and the page.")] = Path("out/demo"),
     allow_large: Yes = False,
     imports: Imports = None,
     json_output: Json = False,
 ) -> None:
-    """Bake a car paint under a real sky, reconstruct novel views, compare with path tracing, write a report."""
+    """Bake a car paint under a real sky, reconstruct novel views, compare with path tracing, write report and page."""
     from rsibr import clock
     from rsibr.baking.baker import bake
     from rsibr.baking.finished import finished_bake, is_outdated
     from rsibr.baking.scene import Scene
     from rsibr.cli.console import bake_progress, note_peculiarities, say, step_progress
     from rsibr.cli.job import note_job
+    from rsibr.publishing.page import write_page
     from rsibr.resources import configs
     from rsibr.scene.config import load_config
     from rsibr.validation.validation import validate
@@ -54,4 +57,7 @@ def demo(
         found = validate(
             baked, views=VIEWS, samples=SAMPLES, out=out, on_progress=step, scene=scene, allow_large=allow_large
         )
+    page = write_page(baked, out / PAGE_NAME, reference=out)
     print_validation(found, out, json_output=json_output)
+    if not json_output:
+        typer.echo(f"page: {printable(page)}, {page.stat().st_size / 2**20:.1f} MiB: open it in a browser")

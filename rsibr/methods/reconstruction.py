@@ -15,6 +15,7 @@ from rsibr.errors import InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
 from rsibr.job_size import JobSize
+from rsibr.late import late
 from rsibr.machine import make_folder
 from rsibr.methods.job import OUTPUT_BYTES, maps_memory
 from rsibr.methods.method_set import MethodSet
@@ -62,6 +63,8 @@ class Reconstruction:
     def __repr__(self) -> str:
         x, y, z = self.view
         return f"Reconstruction({self.method!r}, view ({x:.3g}, {y:.3g}, {z:.3g}), {len(self.image)}²)"
+
+    _repr_html_ = late("rsibr.publishing.notebooks.cards:map_card", "Card for a notebook.")
 
     def write(self, path: Path | str) -> None:
         """Write the map, as its name says: a multi-part EXR in float32, or an 8-bit PNG. A missing folder is made.

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rsibr.errors import BakeError
+from rsibr.late import late
 from rsibr.light.radiance import Light
 from rsibr.store.atomic import checksum, read_bytes, unreadable
 from rsibr.store.consistency import BAKE_ANEW, check_manifest
@@ -87,6 +88,12 @@ class Bake(DescribedMaps):
         if self.rendering == "rgb" and is_negative(found):  # spectra may leave Rec.709
             raise BakeError("holds negative radiance", where=str(file), fix=BAKE_ANEW)
         return found
+
+    view = late(
+        "rsibr.publishing.page.page:view", "Interactive page of the bake, in a notebook or as a file; see `rsibr.view`."
+    )
+    show = late("rsibr.publishing.notebooks.plots:show_bake", "Figure of the stored maps, at one exposure.")
+    _repr_html_ = late("rsibr.publishing.notebooks.cards:bake_card", "Card for a notebook.")
 
 
 def open_bake(path: Path, *, rehash: bool = False) -> Bake:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rsibr.store.atomic import write_atomic
-from rsibr.studies.csv_table import csv_table
+from rsibr.store.csv_table import csv_table
 from rsibr.studies.document import StudyDocument
 from rsibr.studies.page import Drawn, study_page
 from rsibr.studies.results import ErrorRecord, PointRecord, SceneRecord
@@ -80,12 +80,13 @@ def write_study(document: StudyDocument, folder: Path, drawn: Drawn) -> Path:
         The page.
     """
     write_atomic(folder / JSON_NAME, document.to_json().encode())
-    write_atomic(folder / CSV_NAME, _table(document).encode())
+    write_atomic(folder / CSV_NAME, study_table(document).encode())
     write_atomic(folder / PAGE_NAME, study_page(document, drawn).encode())
     return folder / PAGE_NAME
 
 
-def _table(document: StudyDocument) -> str:
+def study_table(document: StudyDocument) -> str:
+    """Text of `study.csv`: a row a point."""
     return csv_table(COLUMNS, (row for scene in document.scenes for row in _rows(scene, document.judge.frames)))
 
 

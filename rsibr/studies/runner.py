@@ -13,7 +13,9 @@ from typing import Any
 
 from rsibr import backend, clock
 from rsibr.job_size import JobSize
+from rsibr.late import late
 from rsibr.progress import Progress
+from rsibr.store.tabular import Tabular
 from rsibr.studies.agenda import Agenda, agenda_of
 from rsibr.studies.analysis import SceneAnalysis, analyse
 from rsibr.studies.bench import Bench
@@ -27,7 +29,7 @@ from rsibr.studies.job import study_job
 from rsibr.studies.journal import Journal, lock_study
 from rsibr.studies.judged_scene import JudgedScene
 from rsibr.studies.page import Drawn
-from rsibr.studies.report import CSV_NAME, JSON_NAME, PAGE_NAME, write_study
+from rsibr.studies.report import CSV_NAME, JSON_NAME, PAGE_NAME, study_table, write_study
 from rsibr.studies.results import PointRecord, SceneRecord
 from rsibr.studies.scene import judged_views, load_scenes
 from rsibr.studies.truth import TruthStore
@@ -37,7 +39,7 @@ BAKES_NAME, REFERENCES_NAME, JOURNAL_NAME = "bakes", "references", "journal"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Study:
+class Study(Tabular):
     """A finished study.
 
     Attributes
@@ -59,6 +61,13 @@ class Study:
     def scenes(self) -> list[tuple[SceneRecord, SceneAnalysis]]:
         """Each scene with its analysis; empty where only errors were measured."""
         return self.document.analysed
+
+    plot = late("rsibr.publishing.notebooks.plots:plot_study", "Figure of the least error over the time of the job.")
+    _repr_html_ = late("rsibr.publishing.notebooks.cards:study_card", "Card for a notebook.")
+
+    def csv(self) -> str:
+        """Text of `study.csv`: a row a point."""
+        return study_table(self.document)
 
     def points(self, **wanted: str | int) -> list[PointRecord]:
         """Points of all scenes whose fields, or whose bake's fields, have the given values.

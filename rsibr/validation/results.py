@@ -14,7 +14,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.late import late
 from rsibr.planning.plan import Plan
+from rsibr.store.csv_table import csv_table
+from rsibr.store.tabular import Tabular
 from rsibr.validation.equal_error import path_tracing_seconds
 from rsibr.validation.estimate import Estimate, mean_estimate
 from rsibr.validation.eval_error import EvalError
@@ -78,6 +81,24 @@ class MethodResult:
     def __repr__(self) -> str:
         return f"MethodResult(relMSE {self.error.rel_mse}, {1e3 * self.seconds:.3g} ms)"
 
+    @property
+    def row(self) -> dict[str, float | str]:
+        """Its cells in the table of errors; an empty one where a value does not exist."""
+        error, worst = self.error, self.error.worst_texel
+        low, high = error.rel_mse.ci95
+        return {
+            "rel_mse": error.rel_mse.value,
+            "rel_mse_low": low,
+            "rel_mse_high": high,
+            "smape": error.smape,
+            "flip": error.flip,
+            "energy_ratio": "" if error.energy_ratio is None else error.energy_ratio,
+            "worst_texel": worst.error,
+            "worst_s": worst.s,
+            "worst_t": worst.t,
+            "seconds": self.seconds,
+        }
+
 
 @dataclass(frozen=True)
 class MethodStart:
@@ -132,6 +153,11 @@ class ViewResult:
         """Direction from the surface to the viewer."""
         x, y, z = (float(component) for component in self.frame[:, 2])
         return x, y, z
+
+    @property
+    def row(self) -> dict[str, float | str]:
+        """Its cells in the table of errors."""
+        return {**dict(zip(("view_x", "view_y", "view_z"), self.view, strict=True)), "origin": self.label}
 
     @cached_property
     def noise_floor(self) -> float:
@@ -199,7 +225,7 @@ class MethodSummary:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Validation:
+class Validation(Tabular):
     """Comparison of a bake with path-traced references at novel views.
 
     Attributes
@@ -228,6 +254,16 @@ class Validation:
     def __repr__(self) -> str:
         errors = ", ".join(f"{name} {one.rel_mse.value:.3g}" for name, one in self.summary.items())
         return f"Validation({self.bake.name!r} at {len(self.views)} views; relMSE: {errors})"
+
+    plot = late("rsibr.publishing.notebooks.plots:plot_validation", "Figure of each method's error over its time.")
+    _repr_html_ = late("rsibr.publishing.notebooks.cards:validation_card", "Card for a notebook.")
+
+    def csv(self) -> str:
+        """Text of the table of errors: a row for each view and method."""
+        rows = [
+            {**view.row, "method": name, **result.row} for view in self.views for name, result in view.methods.items()
+        ]
+        return csv_table(list(rows[0]), rows)
 
     @property
     def methods(self) -> list[str]:

@@ -11,7 +11,7 @@ from rsibr.studies.compare.document import CompareDocument
 from rsibr.studies.compare.page import compare_page
 from rsibr.studies.compare.pictures import ScenePictures
 from rsibr.studies.compare.records import ComparedScene, SystemRecord
-from rsibr.studies.csv_table import csv_table
+from rsibr.store.csv_table import csv_table
 from rsibr.validation.report.report import write_pictures
 
 PAGE_NAME, JSON_NAME, CSV_NAME = "compare.html", "compare.json", "compare.csv"
@@ -79,12 +79,13 @@ def write_comparison(document: CompareDocument, pictures: Sequence[ScenePictures
     """
     write_pictures(folder, "*.png", {name: picture for one in pictures for name, picture in one.named()})
     write_atomic(folder / JSON_NAME, document.to_json().encode())
-    write_atomic(folder / CSV_NAME, _table(document).encode())
+    write_atomic(folder / CSV_NAME, compare_table(document).encode())
     write_atomic(folder / PAGE_NAME, compare_page(document, pictures).encode())
     return folder / PAGE_NAME
 
 
-def _table(document: CompareDocument) -> str:
+def compare_table(document: CompareDocument) -> str:
+    """Text of `compare.csv`: a row a point."""
     return csv_table(COLUMNS, (row for scene in document.scenes for row in _rows(scene)))
 
 

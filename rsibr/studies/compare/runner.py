@@ -16,6 +16,7 @@ from rsibr.errors import InputError
 from rsibr.job_size import JobSize
 from rsibr.progress import Progress
 from rsibr.store.map_file import map_channels
+from rsibr.store.tabular import Tabular
 from rsibr.studies.agenda import agenda_of
 from rsibr.studies.bench import Bench
 from rsibr.studies.compare.budgets import classes_of
@@ -25,7 +26,7 @@ from rsibr.studies.compare.external import External, ExternalMap, common_frames,
 from rsibr.studies.compare.measure import SHOWN, Measured, SceneBench
 from rsibr.studies.compare.pictures import ScenePictures, draw_scene
 from rsibr.studies.compare.records import ComparedScene, SystemRecord
-from rsibr.studies.compare.report import FILES, write_comparison
+from rsibr.studies.compare.report import FILES, compare_table, write_comparison
 from rsibr.studies.compare.systems import settings_of, systems_of
 from rsibr.studies.feasible import check_folders, check_sizes
 from rsibr.studies.job import MOST_LOBES, PREPARED_BYTES
@@ -38,7 +39,7 @@ from rsibr.studies.truth import TruthStore
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison:
+class Comparison(Tabular):
     """A finished comparison.
 
     Attributes
@@ -54,6 +55,10 @@ class Comparison:
 
     def __repr__(self) -> str:
         return f"Comparison({len(self.document.systems)} systems, {len(self.document.scenes)} scenes)"
+
+    def csv(self) -> str:
+        """Text of `compare.csv`: a row a point."""
+        return compare_table(self.document)
 
 
 Source = CompareConfig | Mapping[str, Any] | Path | str

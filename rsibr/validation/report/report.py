@@ -1,4 +1,4 @@
-"""Report of a validation: one self-contained HTML page, `metrics.json`, and images as files."""
+"""Report of a validation: one self-contained HTML page, `metrics.json`, references as maps, and images as files."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from rsibr.validation.report import pictures
 from rsibr.validation.report.document import metrics_document
 from rsibr.validation.report.page import render
 from rsibr.validation.report.pictures import FLIP, RELATIVE_ERROR, Rgba
+from rsibr.validation.report.references import write_references
 from rsibr.validation.results import Validation, ViewResult
 
 REPORT_NAME = "report.html"
@@ -90,6 +91,7 @@ def write_report(validation: Validation, directory: Path) -> Path:
     drawn = _draw(validation)
     files = {name: picture for number, view in enumerate(drawn, 1) for name, picture in view.named(number)}
     write_pictures(directory, "view_[0-9][0-9]*_*.png", files)
+    write_references(validation, directory)
     if validation.health is not None:
         write_health_pictures(validation.health, directory)
     write_atomic(directory / METRICS_NAME, metrics_document(validation).to_json().encode())

@@ -1,4 +1,4 @@
-"""CSV of a study or a comparison: a heading, and a row a record."""
+"""CSV of results: a heading, and a row a record."""
 
 from __future__ import annotations
 

@@ -1,0 +1,1 @@
+"""What a notebook shows of bakes, maps and results: cards and plots."""
