@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from rsibr.store.atomic import write_atomic
+from rsibr.store.csv_table import csv_table
 from rsibr.studies.compare.document import CompareDocument
 from rsibr.studies.compare.page import compare_page
 from rsibr.studies.compare.pictures import ScenePictures
 from rsibr.studies.compare.records import ComparedScene, SystemRecord
-from rsibr.store.csv_table import csv_table
 from rsibr.validation.report.report import write_pictures
 
 PAGE_NAME, JSON_NAME, CSV_NAME = "compare.html", "compare.json", "compare.csv"
