@@ -100,7 +100,7 @@ def _say_file(page: Page, file: Path, *, json_output: bool) -> None:
 
 
 def _note(notes: tuple[str, ...]) -> None:
-    from rsibr.cli.console import console
+    from rsibr.cli.console import note
 
-    for note in notes:
-        console.print(printable(f"note: {note}"), soft_wrap=True)
+    for one in notes:
+        note(one)
