@@ -117,9 +117,9 @@ def test_square_probe(shell):
 def test_notes_are_said_by_a_bake_and_kept(shell, tmp_path):
     out = tmp_path / "x.rsibr"
     small = ["--set", "map.resolution=8", "--set", "sampling.samples=4"]
-    for _ in range(2):  # baked, and found finished
-        ended = shell("bake", case("exr_aces_white"), "--out", out, *small)
-        assert " ".join(ended.stderr.split()).count("white (0.3217, 0.3377) adapted to D65") == 1
+    for again, count in (([], 1), ([], 0), (["--verbose"], 1)):  # baked, found finished, and asked for
+        ended = shell("bake", case("exr_aces_white"), "--out", out, *small, *again)
+        assert " ".join(ended.stderr.split()).count("white (0.3217, 0.3377) adapted to D65") == count
 
 
 @pytest.mark.parametrize(

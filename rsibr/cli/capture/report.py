@@ -9,7 +9,6 @@ from typing import Any
 
 import typer
 
-from rsibr.cli.console import note
 from rsibr.errors import printable
 
 
@@ -29,6 +28,8 @@ def report(out: Path, line: str, facts: Mapping[str, Any], notes: Sequence[str],
     json_output : bool
         Whether one JSON object is printed in place of the line.
     """
+    from rsibr.cli.console import note
+
     for one in notes:
         note(one)
     if json_output:
