@@ -165,7 +165,8 @@ def format_of(name: str, options: Mapping[str, Any] | None = None) -> Format:
     Parameters
     ----------
     name : str
-        Name of a registered format, or the address of a registered function of one's own (`rsibr.methods.address`).
+        Name of a registered format; `latlong` stands for `latlong-exr`, and so on. Or the address of a registered
+        function of one's own (`rsibr.methods.address`).
     options : dict, optional
         Values by name of the option.
 
@@ -176,6 +177,8 @@ def format_of(name: str, options: Mapping[str, Any] | None = None) -> Format:
         an address cannot be loaded, or is no format.
     """
     known = formats()
+    if f"{name}-exr" in known:  # "latlong" of its kinds of file is the exact one
+        name = f"{name}-exr"
     if name not in known and is_address(name):
         return _at(name).with_options(options or {})
     if name not in known:

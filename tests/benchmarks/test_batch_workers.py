@@ -34,9 +34,9 @@ ROUNDS = 3
 
 @pytest.mark.benchmark(group="batch")
 def test_workers_of_one_thread_against_one_of_two(benchmark, tmp_path):
-    """`extra_info`: wall and processor time of 2 × 1 over those of 1 × 2, in pairs of whole commands; four bakes of 256².
+    """`extra_info`: wall and processor time of 2 × 1 over those of 1 × 2, in pairs of whole commands.
 
-    At most 1.1 of the processor time is wanted.
+    Four bakes of 256². At most 1.1 of the processor time is wanted.
     """
     files = {}
     for workers, threads in ((2, 1), (1, 2)):

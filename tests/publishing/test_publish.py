@@ -302,3 +302,9 @@ def test_a_package_declares_formats_by_an_entry_point(monkeypatch):
         formats()
     monkeypatch.undo()
     registry._discover.cache_clear()
+
+
+def test_a_family_stands_for_its_exact_file():
+    found = formats_of(["latlong,size=64,matcap,ktx2"])
+    assert [one.name for one in found] == ["latlong-exr", "matcap-exr", "ktx2"]
+    assert dict(found[0].chosen) == {"size": 64}
