@@ -34,7 +34,8 @@ def encode_radiance(image: NDArray[np.float32], about: str) -> tuple[bytes, tupl
     # Mitsuba cuts mantissas off: half a step more rounds them, as readers that add nothing expect
     largest = values.max(axis=-1, keepdims=True)
     step = _step(largest + _step(largest) / 2)  # that of the exponent after rounding
-    bitmap = mi.Bitmap(np.ascontiguousarray(np.where(largest > 0, values + step / 2, 0), np.float32))
+    rounded_image = np.ascontiguousarray(np.where(largest > 0, values + step / 2, 0), np.float32)
+    bitmap = mi.Bitmap(rounded_image)
     bitmap.metadata()["comments"] = f"{about} {MAKER}"
     stream = mi.MemoryStream()
     bitmap.write(stream, mi.Bitmap.FileFormat.RGBE)

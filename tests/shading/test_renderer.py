@@ -55,7 +55,7 @@ def test_the_plan_is_followed_and_told(ring):
     covered = shaded.alpha == 1
     assert (shaded.radiance[covered] <= opened.radiance[covered] * 1.01).all()
     assert (shaded.radiance[covered] / opened.radiance[covered]).min() < 0.9
-    assert [note.split()[0] for note in opened.notes] == ["self_occlusion", "interreflection"]
+    assert [note.split()[0] for note in opened.notes] == ["self_occlusion:", "interreflection:"]
     dark = ObjectRenderer(scene, bakes, effects={"interreflection": "off"}).picture(camera, 4)
     assert dark.radiance[covered].mean() < shaded.radiance[covered].mean()
     assert auto.plan["back_facing"].why.startswith("0 replaced")

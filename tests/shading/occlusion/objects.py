@@ -50,5 +50,5 @@ def inputs_of(light, matte=0.5, gloss=0.0):
         narrow = GaussianRecord(sigma=0.05, plain=(gloss,) * 3, grazing=(0.0,) * 3)
         shiny = ShapeRecord(alpha=0.1, bare=(narrow,), coated=(), matte=((0.0,) * 3, (0.0,) * 3))
         lobes.append(LobeRecord(name="glossy", alpha=0.1, albedo=((gloss,) * 3,) * NODES, proxies=proxy, shape=shiny))
-    manifest = SimpleNamespace(lobes=tuple(lobes), light=SimpleNamespace(delta_lights=0))
+    manifest = SimpleNamespace(lobes=tuple(lobes), light=SimpleNamespace(delta_lights=0), plan=None)
     return MethodInputs(SimpleNamespace(manifest=manifest, light=light, view_count=0))
