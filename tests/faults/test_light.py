@@ -100,6 +100,7 @@ def beam(tmp_path_factory):
     return rsibr.bake(case("directional_black"), out=tmp_path_factory.mktemp("beam") / "x.rsibr", overrides=SMALL)
 
 
+@pytest.mark.slow
 def test_directional_black(beam):
     """Every method shows the light, and the best ones the right amount: 0.237 over the disk."""
     disk = texel_coverage(32)

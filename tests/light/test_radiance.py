@@ -41,8 +41,8 @@ def with_a_sun(width, row, column, size):
     ("width", "row", "column", "size", "tolerance"),
     [
         (1024, 256, 300, 1, 0.003),
-        (4096, 1100, 777, 1, 0.025),
-        (4096, 1100, 777, 4, 0.003),  # a sun of 0.35°, less than ours
+        pytest.param(4096, 1100, 777, 1, 0.025, marks=pytest.mark.slow),
+        pytest.param(4096, 1100, 777, 4, 0.003, marks=pytest.mark.slow),  # a sun of 0.35°, less than ours
     ],
 )
 def test_a_light_smaller_than_a_texel_keeps_its_energy_and_place(width, row, column, size, tolerance):

@@ -19,6 +19,8 @@ from tests.methods.conftest import MATERIALS, RESOLUTION
 from tests.methods.scene import image, inside, normals
 
 MODELLED = ("rsibr", "rsibr-fine")
+FAST = "rsibr", "rough-aluminium"
+"""The pair of method and material whose agreement the fast tests check."""
 
 
 @pytest.fixture(scope="module")
@@ -112,8 +114,14 @@ def test_a_replay_equals_a_trace(name, method_sets, rng):
         assert np.array_equal(replayed, traced)
 
 
-@pytest.mark.parametrize("material", MATERIALS)
-@pytest.mark.parametrize("name", MODELLED)
+@pytest.mark.parametrize(
+    ("name", "material"),
+    [
+        pytest.param(name, material, marks=() if (name, material) == FAST else pytest.mark.slow)
+        for name in MODELLED
+        for material in MATERIALS
+    ],
+)
 def test_eval_agrees_with_the_map(name, material, method_sets):
     """A point and a texel differ by what a texel averages: a few per cent where lights are sharp, less in the mean."""
     made, frame = method_sets(material)[name], view_frame([0.2, -0.6, 0.7])
