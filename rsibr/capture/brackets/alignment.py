@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.capture.brackets.one_size import check_one_size
 from rsibr.capture.curves.srgb import SRGB
 from rsibr.capture.photographs.photograph import Photograph, opencv
 from rsibr.errors import InputError
@@ -21,6 +22,8 @@ _MIDDLE = (8, 247)
 
 _LEAST_SEEN = 0.01
 """Share of the pixels that must show something in both photographs."""
+
+_LEAST_SIDE = 8  # pixels; a smaller picture shows too little to be aligned
 
 _LEAST_RESPONSE = 0.05  # of a phase correlation; 1 for equal pictures, about 0.01 for unrelated ones
 
@@ -50,12 +53,12 @@ def aligned(photographs: Sequence[Photograph]) -> Alignment:
     Parameters
     ----------
     photographs : sequence of Photograph
-        Of one size, each with its exposure.
+        Of one view, each with its exposure.
 
     Raises
     ------
     InputError
-        If they share nothing.
+        If they differ in size, or share nothing.
 
     Notes
     -----
@@ -65,6 +68,7 @@ def aligned(photographs: Sequence[Photograph]) -> Alignment:
     nearly black or white, by up to 63 pixels.) A photograph in which next to nothing is seen, such as the sun alone, is
     left out, unless none of the others has moved: a sun in the wrong place would leave a black one in its own.
     """
+    check_one_size(photographs)
     greys = [_grey(one.values) for one in photographs]
     anchor = int(np.argmin([abs(float(np.median(grey)) - 127.5) for grey in greys]))
     shifts = _shifts(photographs, anchor)
@@ -100,7 +104,7 @@ def _shift(anchor: Photograph, one: Photograph) -> tuple[int, int] | None:
     """Columns and rows by which one is to be moved; None if it cannot be told."""
     expected = _at_exposure_of(anchor, one)
     told = (expected >= _MIDDLE[0]) & (expected <= _MIDDLE[1])
-    if told.mean() < _LEAST_SEEN:
+    if min(one.size) < _LEAST_SIDE or told.mean() < _LEAST_SEEN:
         return None
     (columns, rows), response = _phase(expected, _grey(one.values))
     return (-round(columns), -round(rows)) if response > _LEAST_RESPONSE else None

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rsibr.capture.brackets.hdr_image import HdrImage
 from rsibr.capture.brackets.noise_model import NoiseModel
+from rsibr.capture.brackets.one_size import check_one_size
 from rsibr.capture.curves.curve import Curve
 from rsibr.capture.curves.linear import LINEAR
 from rsibr.capture.photographs.photograph import Photograph
@@ -81,14 +82,11 @@ def merged(photographs: Sequence[Photograph], curve: Curve, noise: NoiseModel | 
 def _shots(photographs: Sequence[Photograph], curve: Curve) -> list[_Shot]:
     if not photographs:
         raise InputError("no photographs", where="shots", fix="name at least one file")
+    check_one_size(photographs)
     shots = []
     for one in photographs:
         if one.exposure is None:
             raise InputError("has no exposure in its EXIF data", where=one.name, fix="give --exposures, one for each")
-        if one.size != photographs[0].size:
-            (width, height), (first_width, first_height) = one.size, photographs[0].size
-            what = f"has {width} × {height} pixels, the first photograph {first_width} × {first_height}"
-            raise InputError(what, where=one.name, fix="give photographs of one size")
         shots.append(_Shot(one, LINEAR if one.is_linear else curve, one.exposure.amount))
     return shots
 
