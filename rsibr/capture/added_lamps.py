@@ -66,5 +66,5 @@ def lamp_notes(positions: Sequence[ArrayLike], radius: float) -> tuple[str, ...]
     """
     if not (math.isfinite(radius) and radius > 0):
         raise InputError(f"a radius of {radius:g}", where="object_radius", fix="give a positive number")
-    distances = [float(np.linalg.norm(np.asarray(one, dtype=np.float64))) for one in positions]
+    distances = [math.hypot(*np.asarray(one, dtype=np.float64)) for one in positions]
     return tuple(note for one in distances if (note := near_note(one, radius)) is not None)

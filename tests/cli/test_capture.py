@@ -157,7 +157,7 @@ def test_six_images(shell, folder):
         (["ball", "sky.exr", "--view", "0,0"], "is not 3 numbers"),
         (["ball", "sky.exr", "--view", "0,0,1", "--view", "1,0,0"], "2 views for 1 photographs"),
         (["ball", "sky.exr", "--view", "0,0,1"], "--fov in degrees, or --distance"),
-        (["ball", "sky.exr", "--view", "0,0,0", "--fov", "9", "--circle", "32,16,12"], "a view of"),
+        (["ball", "sky.exr", "--view", "0,0,0", "--fov", "9", "--circle", "32,16,12"], "is no direction"),
         (["ball", "sky.exr", "--view", "0,0,1", "--fov", "9", "--reflectance", "Xx"], "unknown metal 'Xx'"),
         (["ball", "sky.exr", "--view", "0,0,1", "--fov", "400"], "field of view"),
         (["ball", "sky.exr", "--view", "0,0,1", "--fov", "9", "--height", "1"], "1 rows"),

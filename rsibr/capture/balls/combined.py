@@ -14,9 +14,9 @@ Array = NDArray[np.float64]
 _CONTRADICTION = 0.5
 """Share of a lower bound below which what another ball shows contradicts it."""
 
-_LEAST_SHARED = 30  # texels that two balls must share to be compared
+_LEAST_SHARED = 90  # channels of texels that two balls must share to be compared
 _MOST_RATIO = 1.15
-_MOST_SPREAD = 0.7
+_MOST_SPREAD = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ def disagreements(names: Sequence[str], shown: Sequence[Shown]) -> Iterator[str]
     """
     for (first, one), (second, other) in combinations(zip(names, shown, strict=True), 2):
         shared = (one.weight > 0) & (other.weight > 0) & ~one.saturated & ~other.saturated
-        a, b = one.radiance[shared].mean(axis=1), other.radiance[shared].mean(axis=1)
+        a, b = one.radiance[shared].ravel(), other.radiance[shared].ravel()
         lit = (a > 0) & (b > 0)
         if lit.sum() < _LEAST_SHARED:
             continue

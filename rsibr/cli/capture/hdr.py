@@ -40,6 +40,9 @@ def hdr(
     )
     result.image.write(out)
     notes = [f"{name}: shows too little to be aligned, and was left out" for name in result.left_out]
+    farthest = max((max(abs(x), abs(y)) for x, y in result.shifts.values()), default=0)
+    if farthest:
+        notes.append(f"shots were shifted onto each other by up to {farthest} pixels; with a tripod use --no-align")
     if result.saturated_box is not None:
         left, right, top, bottom = result.saturated_box
         notes.append(
