@@ -16,7 +16,7 @@ _CONTRADICTION = 0.5
 
 _LEAST_SHARED = 90  # channels of texels that two balls must share to be compared
 _MOST_RATIO = 1.15
-_MOST_SPREAD = 0.25
+_MOST_SPREAD = 0.15
 
 
 @dataclass(frozen=True, eq=False)
