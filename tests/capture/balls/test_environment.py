@@ -134,6 +134,14 @@ def test_what_no_ball_saw_is_marked_and_filled_and_never_black():
     assert any("were seen by no ball" in note for note in found.notes)
 
 
+def test_what_lies_behind_the_rim_never_comes_in():
+    """A blazing background mixes with the ball in the pixels of its outline."""
+    ball, alpha = photographed(directions_as_colours(), mirror("none"), framed((0, 0, 1), 10, 150))
+    blazing = ball.image.radiance + 1e6 * (1 - alpha[..., None])
+    found = environment_of([replace(ball, image=replace(ball.image, radiance=blazing))], PERFECT, 32)
+    assert found.radiance.max() < 1.1
+
+
 def test_saturation_is_carried_over():
     ball, _ = photographed(directions_as_colours(), mirror("none"), framed((0, 0, 1), 10, 200))
     burnt = ball.image.radiance[..., 0] > 0.97  # what lies toward +X

@@ -16,19 +16,22 @@ from rsibr.capture.synthetic.sensor import Sensor
 from rsibr.errors import InputError
 
 
-def smooth(side=160):
-    """A shaded ball before an even sky: it correlates nearly as well a few pixels beside its place."""
+def mirror_ball(side=160):
+    """A mirror ball under a sky of smooth colours: it correlates nearly as well a few pixels beside its place."""
     row, column = np.mgrid[:side, :side] / (side / 2) - 1
-    height = np.sqrt(np.maximum(1 - (row**2 + column**2) / 0.7, 0))
-    shade = np.where(height > 0, 0.3 + 0.7 * height, 0.5 + 0.1 * row)
-    return np.repeat(shade[..., None], 3, axis=2)
+    depth = np.sqrt(np.maximum(0.7 - row**2 - column**2, 0))
+    normal = np.stack([column, -row, depth], axis=-1) / np.sqrt(0.7)
+    mirrored = 2 * normal * normal[..., 2:] - np.array([0, 0, 1])
+    behind = np.stack([0.05 * column, -0.05 * row, -np.ones_like(row)], axis=-1)
+    seen = np.where(depth[..., None] > 0, mirrored, behind)
+    return 0.5 + 0.5 * seen / np.linalg.norm(seen, axis=-1, keepdims=True)
 
 
 @pytest.mark.parametrize("bits", [8, 16])
 def test_a_smooth_picture_from_a_tripod_stays(bits):
-    """Over 8 seeds: correlation alone would move some of them."""
+    """Over 8 seeds, of which correlation alone moves 2."""
     for seed in range(8):
-        shots = list(bracketed(smooth(), Sensor(LINEAR, bits), shots=4, gain=1.6, seed=seed))
+        shots = list(bracketed(mirror_ball(), Sensor(LINEAR, bits), shots=4, gain=2.0, seed=seed))
         found = aligned(shots, LINEAR)
         assert set(found.shifts.values()) == {(0, 0)}, seed
         assert found.left_out == ()
@@ -37,16 +40,18 @@ def test_a_smooth_picture_from_a_tripod_stays(bits):
 def test_the_frame_is_that_of_the_best_exposed_one(rng):
     """Its size and its middle stay: the field of view, a mask and a circle hold for what comes out."""
     picture = np.exp(rng.normal(-1, 0.6, (24, 32, 3))).repeat(4, 0).repeat(4, 1)
-    shots = list(bracketed(picture, Sensor(), shots=3, gain=1.0))
-    far = replace(shots[2], values=np.roll(shots[2].values, (6, -9), (0, 1)))
-    result = capture_hdr([shots[0], shots[1], far])
-    assert result.shifts[far.name] == (9, -6)
+    shots = list(bracketed(picture, Sensor(), shots=3, gain=3.0))
+    far = replace(shots[0], values=np.roll(shots[0].values, (6, -9), (0, 1)))
+    result = capture_hdr([far, shots[1], shots[2]])
+    assert result.shifts == {"shot 0": (9, -6), "shot 1": (0, 0), "shot 2": (0, 0)}
     assert result.image.size == (128, 96)
     still = capture_hdr(shots, align=False).image.radiance
     difference = np.abs(result.image.radiance / still - 1)
     assert np.median(difference[6:-6, 9:-9]) < 0.01
     assert np.isfinite(result.image.radiance).all()
-    assert np.quantile(difference, 0.9) < 0.1  # the border, which the moved one does not show, comes from the others
+    border = np.ones(difference.shape, bool)  # which the moved one does not show on two sides: from the others
+    border[6:-6, 9:-9] = False
+    assert np.quantile(difference[border], 0.99) < 0.2
 
 
 def test_a_curve_is_calibrated_where_all_show_something(rng):
