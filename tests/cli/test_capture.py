@@ -275,3 +275,11 @@ def test_a_picture_of_another_shape_is_told(shell, folder):
     ended = shell("capture", "painted", "square.png", "--scale", "1", "--out", "painted.exr", "--json")
     assert ended.code == 0, ended.stderr
     assert "light probe" in ended.json["notes"][0]
+
+
+def test_the_group_alone_lists_its_commands(shell):
+    ended = shell("capture")
+    assert ended.code == 0
+    assert "error" not in ended.stderr
+    assert ended.stdout == shell("capture", "--help").stdout
+    assert "  synth " in ended.stdout
