@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rsibr.capture.balls.ball_photograph import BallPhotograph, placed
+from rsibr.capture.balls.ball_photograph import FARTHEST, BallPhotograph, placed
 from rsibr.capture.balls.environment import BallEnvironment, environment_of
 from rsibr.capture.balls.reflectance import reflectance_of
 from rsibr.capture.brackets.hdr_image import HdrImage
@@ -37,11 +37,11 @@ class BallShot:
     fov_deg : float, optional
         Horizontal field of view [degrees].
     distance : float, optional
-        From the camera to the centre of the ball, in its radii. One of the two must be known.
+        From the camera to the centre of the ball, in its radii. One of the two must be given, not both.
     circle : tuple of 3 floats, optional
         Middle and radius of the ball's outline [pixels].
     mask : path, optional
-        Picture that is white on the ball. By default the outline is sought in the photograph.
+        Picture that is white on the ball, in place of a circle. By default the outline is sought in the photograph.
     """
 
     file: Path | str
@@ -59,10 +59,21 @@ class BallShot:
         InputError
             If the file cannot be read, the outline is not found, or too little is known of the camera.
         """
+        self._check()
         image = linear_image(self.file, curve)
         camera = self._camera(image)
         cone = self._cone(camera, image)
         return placed(image, camera, cone, self.view, up, str(self.file))
+
+    def _check(self) -> None:
+        """Raise an InputError where two options say the same thing, perhaps differently."""
+        both = ""
+        if self.fov_deg is not None and self.distance is not None:
+            both = "the field of view and the distance"
+        elif self.circle is not None and self.mask is not None:
+            both = "a circle and a mask"
+        if both:
+            raise InputError(f"{both} are both given", where=str(self.file), fix="give one of them")
 
     def _camera(self, image: HdrImage) -> Pinhole:
         width, height = image.size
@@ -75,8 +86,9 @@ class BallShot:
             raise InputError(
                 what, where=str(self.file), fix="give --fov in degrees, or --distance in radii of the ball"
             )
-        if not self.distance > 1:
-            raise InputError(f"a distance of {self.distance:g} radii", where="distance", fix="give more than 1")
+        if not 1 < self.distance <= FARTHEST:
+            fix = f"give more than 1, up to {FARTHEST:g}"
+            raise InputError(f"a distance of {self.distance:g} radii", where="distance", fix=fix)
         far = _unplaced(width, height, 1e4 * width)  # rays are parallel: an outline is a circle
         outline = self._cone(far, image).rim(far)
         radius = float(np.hypot(*(outline - outline.mean(axis=0)).T).mean())

@@ -82,6 +82,21 @@ def read_parts(path: Path) -> dict[str, Picture]:
         ) from error
 
 
+def part_names(path: Path) -> tuple[str, ...]:
+    """Names of the parts of an OpenEXR file, in order; of none that can be read as one, none.
+
+    Raises
+    ------
+    BakeError
+        If the file cannot be read.
+    """
+    try:
+        with open_exr(io.BytesIO(read_bytes(path)), header_only=True) as file:
+            return tuple(part.name() for part in file.parts)
+    except (RuntimeError, ValueError, TypeError, KeyError, MemoryError):
+        return ()
+
+
 def _channels(picture: NDArray[Any], prefix: str) -> dict[str, Picture]:
     """Contiguous channels: OpenEXR ignores strides."""
     if picture.ndim == 2:

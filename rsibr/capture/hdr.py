@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from rsibr.capture.brackets.noise_model import NoiseModel
 from rsibr.capture.curves import debevec
 from rsibr.capture.curves.chosen import chosen_curve
 from rsibr.capture.curves.curve import Curve
+from rsibr.capture.curves.srgb import SRGB
 from rsibr.capture.photographs.exposure import Exposure
 from rsibr.capture.photographs.photograph import Photograph, read_photograph
 from rsibr.errors import InputError
@@ -93,7 +94,7 @@ def capture_hdr(
     shifts: dict[str, tuple[int, int]] = {}
     left_out: tuple[str, ...] = ()
     if align and len(photographs) > 1:
-        found = aligned(photographs)
+        found = aligned(photographs, SRGB if curve == debevec.NAME else chosen_curve(curve))
         photographs, shifts, left_out = list(found.photographs), found.shifts, found.left_out
     chosen = _curve(curve, photographs)
     return MergedBrackets(merged(photographs, chosen, noise), chosen, shifts, left_out)
@@ -114,4 +115,14 @@ def _exposed(photographs: list[Photograph], exposures: Sequence[float | Exposure
 
 
 def _curve(curve: str | Path | Curve, photographs: Sequence[Photograph]) -> Curve:
-    return debevec.calibrated(photographs) if curve == debevec.NAME else chosen_curve(curve)
+    return debevec.calibrated(_shared(photographs)) if curve == debevec.NAME else chosen_curve(curve)
+
+
+def _shared(photographs: Sequence[Photograph]) -> list[Photograph]:
+    """Photographs, cut to what all of them show once they are aligned."""
+    seen = np.all([np.isfinite(one.values).all(axis=2) for one in photographs], axis=0)
+    rows, columns = seen.any(axis=1), seen.any(axis=0)
+    if not rows.any():
+        fix = "leave out those of another view, or use --no-align"
+        raise InputError("the photographs share nothing", where="shots", fix=fix)
+    return [replace(one, values=np.ascontiguousarray(one.values[rows][:, columns])) for one in photographs]

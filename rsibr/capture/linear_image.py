@@ -10,7 +10,7 @@ from rsibr.capture.brackets.hdr_image import SATURATED, HdrImage, hdr_image_of
 from rsibr.capture.brackets.merge import SATURATION
 from rsibr.capture.curves.chosen import chosen_curve
 from rsibr.capture.curves.curve import Curve
-from rsibr.capture.exr_parts import read_parts
+from rsibr.capture.exr_parts import part_names, read_parts
 from rsibr.capture.photographs.photograph import read_photograph
 
 
@@ -35,8 +35,8 @@ def linear_image(path: Path | str, curve: str | Path | Curve = "srgb") -> HdrIma
     InputError
         If the file cannot be read, or the curve is unknown.
     """
-    if Path(path).suffix.lower() == ".exr" and SATURATED in (parts := read_parts(Path(path))):
-        return hdr_image_of(parts, str(path))
+    if Path(path).suffix.lower() == ".exr" and SATURATED in part_names(Path(path)):
+        return hdr_image_of(read_parts(Path(path)), str(path))
     photograph = read_photograph(path)
     nothing = np.zeros_like(photograph.values)
     if photograph.is_linear:

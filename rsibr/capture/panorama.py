@@ -13,7 +13,7 @@ from rsibr.errors import InputError
 from rsibr.geometry.projections.latlong import MITSUBA
 from rsibr.geometry.projections.sphere_image import SphereImage, converted
 
-_MOST_HEIGHT = 16384
+LEAST_HEIGHT, _MOST_HEIGHT = 3, 16384
 SOURCE_KEY = "rsibr:source"
 """Attribute of a written map that says where it comes from."""
 
@@ -56,7 +56,7 @@ def as_latlong(image: SphereImage, height: int) -> NDArray[np.float32]:
     InputError
         If the height is out of range.
     """
-    if not 3 <= height <= _MOST_HEIGHT:
-        raise InputError(f"{height} rows", where="height", fix=f"give 3 to {_MOST_HEIGHT}")
+    if not LEAST_HEIGHT <= height <= _MOST_HEIGHT:
+        raise InputError(f"{height} rows", where="height", fix=f"give {LEAST_HEIGHT} to {_MOST_HEIGHT}")
     values = converted(image, MITSUBA, (height, 2 * (height - 1) if height % 2 else 2 * height)).values[0]
     return np.asarray(values, dtype=np.float32)

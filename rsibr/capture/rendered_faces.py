@@ -57,7 +57,7 @@ def rendered_faces(scene: Path | str, at: ArrayLike, size: int, *, samples: int 
     Raises
     ------
     InputError
-        If the scene cannot be loaded, or the place is not finite.
+        If the scene cannot be loaded, the place is not finite, or the light there is not finite, or black.
     """
     place = np.asarray(at, dtype=np.float64)
     if place.shape != (3,) or not np.isfinite(place).all():
@@ -65,7 +65,15 @@ def rendered_faces(scene: Path | str, at: ArrayLike, size: int, *, samples: int 
     loaded = _loaded(Path(scene))
     integrator = backend.load({"type": "path"})
     faces = [_face(loaded, integrator, place, sheet, size, samples, seed) for sheet in range(len(FACES))]
-    return RenderedFaces(np.stack(faces), _notes(loaded))
+    values, notes = np.stack(faces), _notes(loaded)
+    where = ",".join(f"{value:g}" for value in place)
+    if not np.isfinite(values).all():
+        what = f"its light at {where} is not finite"
+        raise InputError(what, where=str(scene), fix="correct the radiance of its emitters")
+    if not values.any() and not notes:  # with lamps that no camera sees a map may be black until they are added
+        fix = "choose a place with --at that is in the open, and not in an object"
+        raise InputError(f"sends no light to {where}", where=str(scene), fix=fix)
+    return RenderedFaces(values, notes)
 
 
 def _face(

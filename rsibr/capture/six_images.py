@@ -14,13 +14,14 @@ from rsibr.capture.curves.curve import Curve
 from rsibr.capture.linear_image import linear_image
 from rsibr.capture.panorama import Panorama, as_latlong
 from rsibr.capture.rendered_faces import rendered_faces
+from rsibr.capture.synthetic.rendering import MOST_RAYS
 from rsibr.errors import InputError
 from rsibr.geometry.projections.cube import CUBE
 from rsibr.geometry.projections.faces import FACES
 from rsibr.geometry.projections.sphere_image import SphereImage
 from rsibr.scene.panorama.faces import stacked_faces
 
-_MOST_FACE = 4096
+_MOST_FACE, _MOST_SAMPLES, _MOST_SEED = 4096, 65536, 2**31
 
 
 @backend.in_session
@@ -58,27 +59,41 @@ def capture_six(
     Raises
     ------
     InputError
-        If neither or both are given, a face is missing or has another size, or the scene cannot be loaded.
+        If neither or both are given, a face is missing or has another size, the scene cannot be loaded or sends no
+        light to the place, or a number is out of range.
     """
     if (faces is None) == (scene is None):
         raise InputError("six images and a scene" if faces else "no images and no scene", where="six", fix="give one")
     if not 1 <= size <= _MOST_FACE:
         raise InputError(f"{size} pixels a side", where="size", fix=f"give 1 to {_MOST_FACE}")
+    if not 1 <= samples <= _MOST_SAMPLES:
+        raise InputError(f"{samples} paths a pixel", where="samples", fix=f"give 1 to {_MOST_SAMPLES}")
+    if size**2 * samples > MOST_RAYS:
+        what = f"{size} × {size} pixels of {samples} paths"
+        raise InputError(what, where="samples", fix=f"give at most {MOST_RAYS // size**2}, or a smaller --size")
+    if not 0 <= seed < _MOST_SEED:
+        raise InputError(f"a seed of {seed}", where="seed", fix=f"give 0 to {_MOST_SEED - 1}")
     notes: tuple[str, ...] = ()
     if scene is not None:
         rendered = rendered_faces(scene, at, size, samples=samples, seed=seed)
         values, notes = rendered.faces, rendered.notes
         source = f"rendered from {Path(scene).name} at {','.join(f'{value:g}' for value in np.asarray(at, float))}"
     else:
-        values, source = _faces(faces or {}, curve), "six images"
+        values, notes = _faces(faces or {}, curve)
+        source = "six images"
     rows = height or CUBE.latlong_size(*values.shape[1:3])[0]
     return Panorama(as_latlong(SphereImage(CUBE, values), rows), source, notes)
 
 
-def _faces(faces: Mapping[str, Path | str], curve: str | Path | Curve) -> NDArray[np.float32]:
+def _faces(faces: Mapping[str, Path | str], curve: str | Path | Curve) -> tuple[NDArray[np.float32], tuple[str, ...]]:
+    """Radiance of six images, and a note on what is saturated in them."""
     missing = [face for face in FACES if face not in faces]
     if missing:
         raise InputError(f"no image for {', '.join(missing)}", where="faces", fix=f"give all of {', '.join(FACES)}")
     paths = {face: Path(faces[face]) for face in FACES}
     chosen = chosen_curve(curve)
-    return stacked_faces({face: linear_image(path, chosen).radiance for face, path in paths.items()}, paths)
+    images = {face: linear_image(path, chosen) for face, path in paths.items()}
+    stacked = stacked_faces({face: image.radiance for face, image in images.items()}, paths)
+    burnt = float(np.mean([image.saturated.any(axis=2).mean() for image in images.values()]))
+    note = f"{burnt:.1%} of the pixels are saturated: their radiance is a lower bound; see `rsibr capture hdr`"
+    return stacked, (note,) if burnt else ()

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rsibr import backend
 from rsibr.capture.ball import BallShot
 from rsibr.capture.balls.sun import Sun, sun_of, with_sun
 from rsibr.capture.curves.curve import Curve
@@ -37,6 +38,7 @@ class SunnyEnvironment:
         write_parts(path, {_RADIANCE: self.radiance})
 
 
+@backend.in_session
 def capture_sun(
     environment: Path | str,
     shot: BallShot,

@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr import backend
+from rsibr.capture.balls.ball_photograph import FARTHEST
 from rsibr.capture.cameras.pinhole import Pinhole
 from rsibr.capture.curves.chosen import chosen_curve
+from rsibr.capture.direction import unit
 from rsibr.capture.synthetic.brackets import bracketed
 from rsibr.capture.synthetic.camera_file import write_photograph
 from rsibr.capture.synthetic.rendering import rendered
@@ -39,7 +41,7 @@ class Shooting:
     Attributes
     ----------
     distance : float
-        From the camera to the centre of the ball, in its radii; above 1.
+        From the camera to the centre of the ball, in its radii; above 1, up to 10 000.
     pixels : int
         Along a side of a photograph.
     shots : int
@@ -67,12 +69,13 @@ class Shooting:
 
     def __post_init__(self) -> None:
         checks = (
-            ("distance", self.distance > 1, "give more than 1 radius"),
+            ("distance", 1 < self.distance <= FARTHEST, f"give more than 1 radius, up to {FARTHEST:g}"),
             ("pixels", 8 <= self.pixels <= 8192, "give 8 to 8192"),
             ("shots", 1 <= self.shots <= 64, "give 1 to 64"),
             ("stops", 0 < self.stops <= 8, "give more than 0, up to 8"),
             ("bits", self.bits in (8, 16), "give 8 or 16"),
             ("samples", 1 <= self.samples <= 4096, "give 1 to 4096"),
+            ("seed", 0 <= self.seed < 2**31, "give 0 to 2147483647"),
         )
         for name, is_right, fix in checks:
             if not is_right:
@@ -112,11 +115,13 @@ def capture_synth(
     Raises
     ------
     InputError
-        If there is no view, or the environment is black on the ball.
+        If there is no view, the environment is black on the ball, or the folder holds photographs that would not be
+        replaced.
     """
     camera_like, folder = shooting or Shooting(), Path(out)
     if not len(views):
         raise InputError("no views", where="view", fix="give at least one direction, X,Y,Z")
+    _check_folder(folder, len(views), camera_like.shots)
     make_folder(folder)
     things = ball_under(environment, bsdf)
     pictures = [_picture(things, view, index, camera_like) for index, view in enumerate(views)]
@@ -126,6 +131,20 @@ def capture_synth(
     path = folder / CAPTURE_NAME
     write_atomic(path, json.dumps({**document, "photographs": photographs}, indent=1).encode())
     return path
+
+
+def _check_folder(folder: Path, views: int, shots: int) -> None:
+    """Raise an InputError where a photograph of an earlier run would lie among those of this one."""
+    made = {_shot_name(view, shot) for view in range(views) for shot in range(shots)}
+    found = folder.glob("view_*_shot_*.png") if folder.is_dir() else ()
+    left = sorted(file.name for file in found if file.name not in made)
+    if left:
+        what = f"holds {left[0]} of an earlier run, which this one would not replace"
+        raise InputError(what, where=str(folder), fix="choose another folder, or empty it")
+
+
+def _shot_name(view: int, shot: int) -> str:
+    return f"view_{view:02d}_shot_{shot}.png"
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +177,7 @@ def _written(picture: _Picture, index: int, folder: Path, gain: float, shooting:
     shots = []
     brackets = bracketed(picture.radiance, sensor, shots=shooting.shots, stops=shooting.stops, gain=gain, seed=seed)
     for number, shot in enumerate(brackets):
-        name = f"view_{index:02d}_shot_{number}.png"
+        name = _shot_name(index, number)
         steps: NDArray[np.float32] = np.rint(shot.values * shot.levels)
         integers = steps.astype(np.uint8) if shot.levels == 255 else steps.astype(np.uint16)
         write_photograph(folder / name, integers, shot.exposure)
@@ -167,12 +186,8 @@ def _written(picture: _Picture, index: int, folder: Path, gain: float, shooting:
 
 
 def _camera(view: ArrayLike, shooting: Shooting) -> Pinhole:
-    toward = np.asarray(view, dtype=np.float64)
-    size = float(np.linalg.norm(toward))
-    if toward.shape != (3,) or not np.isfinite(toward).all() or not size > 0:
-        raise InputError(f"a view of {np.asarray(view).tolist()}", where="view", fix="give X,Y,Z, not all 0")
     field = 2 * _MARGIN * float(np.degrees(np.arcsin(1 / shooting.distance)))
-    position = toward / size * shooting.distance
+    position = unit(view, "view") * shooting.distance
     return Pinhole.looking(
         position, (0, 0, 0), fov_deg=min(field, 150.0), width=shooting.pixels, height=shooting.pixels
     )

@@ -10,10 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from rsibr.capture.brackets.hdr_image import HdrImage
 from rsibr.capture.cameras.pinhole import Pinhole
+from rsibr.capture.direction import unit
 from rsibr.capture.silhouette.cone import Cone
 from rsibr.errors import InputError
 
 _NOT_PARALLEL = 1e-6
+
+FARTHEST = 1e4
+"""Largest distance of a camera in radii of the ball; beyond, float32 does not tell its rays apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +79,9 @@ def placed(image: HdrImage, camera: Pinhole, cone: Cone, view: ArrayLike, up: Ar
         If the view is no direction, or upward.
     """
     axis = cone.axis @ camera.axes  # of the ball, in the camera's own frame
-    direction = np.asarray(view, dtype=np.float64)
-    size = float(np.linalg.norm(direction))
-    if not (np.isfinite(direction).all() and size > 0):
-        raise InputError(f"a view of {direction.tolist()}", where="view", fix="give X,Y,Z from the ball to the camera")
-    position = direction / size * cone.distance
-    axes = _levelled(axis, -direction / size, np.asarray(up, dtype=np.float64))
+    direction = unit(view, "view")
+    position = direction * cone.distance
+    axes = _levelled(axis, -direction, unit(up, "up"))
     intrinsics = (camera.width, camera.height, camera.focal, camera.principal)
     return BallPhotograph(image, Pinhole(*intrinsics, position, axes), name)
 

@@ -14,6 +14,7 @@ from rsibr.errors import InputError
 from rsibr.geometry.sphere_interaction import interaction
 
 _NODES = 256
+_LEAST = 1e-3  # a ball that mirrors less shows nothing but noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ def reflectance_of(said: str | float) -> Reflectance:
     ----------
     said : str or float
         A metal that Mitsuba knows, such as `Ag`, `Al` or `Cr`, with its Fresnel reflectance by angle; or a number in
-        (0, 1], the same for all angles and channels.
+        [0.001, 1], the same for all angles and channels.
 
     Raises
     ------
@@ -68,8 +69,8 @@ def reflectance_of(said: str | float) -> Reflectance:
         number = float(said)
     except ValueError:
         return _of_metal(str(said))
-    if not 0 < number <= 1:
-        raise InputError(f"a reflectance of {number:g}", where="reflectance", fix="give a number above 0 and up to 1")
+    if not _LEAST <= number <= 1:
+        raise InputError(f"a reflectance of {number:g}", where="reflectance", fix=f"give {_LEAST:g} to 1")
     return Reflectance(f"{number:g}", np.full((_NODES, 3), number))
 
 

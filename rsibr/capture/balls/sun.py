@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 _FARTHEST = math.radians(10)
 """Angle from the centroid of the saturated texels within which the source is sought."""
 
+_AT_LIMIT = 0.98  # share of this angle from which on the search counts as stopped by its limit
+_MOST_MATTE = 1.05  # of a ball that reflects everything, and errors
+_MOST_RESIDUAL = 0.3
 _LEAST_LIT = 20
 _PIXELS = 4000  # of the ball, at most
 _RIM = 0.95  # sine of the angle between normal and view, beyond which pixels are left out
@@ -99,7 +102,8 @@ def sun_of(
     Raises
     ------
     InputError
-        If nothing is saturated, too little of the ball is seen, or the source does not light the side that is seen.
+        If nothing is saturated, too little of the ball is seen, the source does not light the side that is seen, or the
+        photograph is not that of a matte ball in this light.
 
     Notes
     -----
@@ -119,7 +123,26 @@ def sun_of(
         what = "the ball's reflectance cannot be found in it"
         raise InputError(what, where=ball.name, fix="give its --reflectance")
     residual = float(np.sqrt(np.mean(rest**2) / max(float(np.mean(shown**2)), 1e-300)))
+    _check(float(direction @ centroid), matte, energy, residual, ball.name)
     return Sun(direction, np.maximum(energy / matte, 0.0), matte, residual)
+
+
+def _check(cosine: float, matte: Array, energy: Array, residual: float, name: str) -> None:
+    """Raise an InputError where the photograph is not that of a matte ball in the light of the map."""
+    wrong = ""
+    if not energy.max() > 0:
+        wrong = "the ball is darker than the map without its source would light it"
+    elif matte.max() > _MOST_MATTE:
+        wrong = f"the ball would have to reflect {matte.max():.3g} times the light that falls on it"
+    elif cosine < math.cos(_FARTHEST * _AT_LIMIT):
+        wrong = (
+            f"the light on the ball ends more than {math.degrees(_FARTHEST):.0f}° from where the map's source ends it"
+        )
+    elif residual > _MOST_RESIDUAL:
+        wrong = f"the light of the map and its source leave {residual:.0%} of it unexplained"
+    if wrong:
+        fix = "check its --view, --up and outline, and that it has the exposure units of the map"
+        raise InputError(wrong, where=name, fix=fix)
 
 
 def _explained(around: Array, facing: Array, shown: Array, reflectance: float | None) -> tuple[Array, Array, Array]:
@@ -153,7 +176,8 @@ def _refined(toward: Array, left_over: Callable[[Array], Array]) -> Array:
 def with_sun(radiance: NDArray[np.floating], saturated: NDArray[np.bool_], sun: Sun) -> NDArray[np.float32]:
     """Map whose saturated source holds its energy: even radiance over its texels, as wide as it is in the map."""
     region, _ = saturated_source(saturated)
-    size = float((region * hat_integrals(*region.shape)[:, None]).sum())
+    facing = np.maximum(texel_centres(*region.shape) @ sun.direction, 0.0)
+    size = float((region * facing * hat_integrals(*region.shape)[:, None]).sum())
     lit = np.array(radiance, dtype=np.float64)
     lit[region] = sun.irradiance / size
     return lit.astype(np.float32)

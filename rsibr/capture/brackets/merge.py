@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rsibr.capture.brackets.hdr_image import HdrImage
 from rsibr.capture.brackets.noise_model import NoiseModel
+from rsibr.capture.brackets.one_size import check_one_size
 from rsibr.capture.curves.curve import Curve
 from rsibr.capture.curves.linear import LINEAR
 from rsibr.capture.photographs.photograph import Photograph
@@ -52,7 +53,7 @@ def merged(photographs: Sequence[Photograph], curve: Curve, noise: NoiseModel | 
     Parameters
     ----------
     photographs : sequence of Photograph
-        Aligned, of one size, each with its exposure.
+        Aligned, of one size, each with its exposure; NaN where one shows nothing, which not all may do.
     curve : Curve
         Response of the camera; linear photographs have none.
     noise : NoiseModel, optional
@@ -81,14 +82,11 @@ def merged(photographs: Sequence[Photograph], curve: Curve, noise: NoiseModel | 
 def _shots(photographs: Sequence[Photograph], curve: Curve) -> list[_Shot]:
     if not photographs:
         raise InputError("no photographs", where="shots", fix="name at least one file")
+    check_one_size(photographs)
     shots = []
     for one in photographs:
         if one.exposure is None:
             raise InputError("has no exposure in its EXIF data", where=one.name, fix="give --exposures, one for each")
-        if one.size != photographs[0].size:
-            (width, height), (first_width, first_height) = one.size, photographs[0].size
-            what = f"has {width} × {height} pixels, the first photograph {first_width} × {first_height}"
-            raise InputError(what, where=one.name, fix="give photographs of one size")
         shots.append(_Shot(one, LINEAR if one.is_linear else curve, one.exposure.amount))
     return shots
 
@@ -96,6 +94,8 @@ def _shots(photographs: Sequence[Photograph], curve: Curve) -> list[_Shot]:
 def _merged_rows(shots: Sequence[_Shot], rows: slice, noise: NoiseModel) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Radiance, variance and saturation of some rows."""
     values = np.stack([shot.photograph.values[rows] for shot in shots]).astype(np.float64)
+    missing = np.isnan(values)
+    values[missing] = 0.0
     bounded = np.array([bool(shot.photograph.levels) for shot in shots])[:, None, None, None]
     amounts = np.array([shot.amount for shot in shots])[:, None, None, None]
     exposures = np.stack([_linear(shot, one) for shot, one in zip(shots, values, strict=True)])
@@ -103,13 +103,14 @@ def _merged_rows(shots: Sequence[_Shot], rows: slice, noise: NoiseModel) -> tupl
     saturated = (values >= SATURATION) & bounded
     ceiling = np.stack([_linear(shot, np.full((1, 1, 3), SATURATION)) for shot in shots])
 
-    lost = saturated.all(axis=0)
-    radiance = _first_guess(exposures, amounts, saturated)
+    out = saturated | missing
+    lost = out.all(axis=0)
+    radiance = _first_guess(exposures, amounts, out)
     for _ in range(_PASSES):
         expected = radiance * amounts
         spread = noise.variance(expected, steps)
-        usable = ~saturated & ((expected + _SIGMAS * np.sqrt(spread) < ceiling) | ~bounded)
-        usable |= (~saturated & ~usable.any(axis=0)) & (amounts == _least_usable(amounts, saturated))
+        usable = ~out & ((expected + _SIGMAS * np.sqrt(spread) < ceiling) | ~bounded)
+        usable |= (~out & ~usable.any(axis=0)) & (amounts == _least_usable(amounts, out))
         seen = usable & (expected > _SIGMAS * np.sqrt(noise.variance(np.zeros(1), steps)))
         weights = np.where(np.where(seen.any(axis=0), seen, usable), amounts**2 / spread, 0.0)
         total = np.maximum(weights.sum(axis=0), 1e-300)
@@ -120,16 +121,16 @@ def _merged_rows(shots: Sequence[_Shot], rows: slice, noise: NoiseModel) -> tupl
     return np.where(lost, least, radiance), np.where(lost, 0.0, 1 / total), lost
 
 
-def _first_guess(exposures: Array, amounts: Array, saturated: NDArray[np.bool_]) -> Array:
-    """Radiance from the longest exposure that is not saturated."""
-    order = np.where(saturated, -np.inf, amounts)
+def _first_guess(exposures: Array, amounts: Array, out: NDArray[np.bool_]) -> Array:
+    """Radiance from the longest exposure that is not out: saturated, or missing."""
+    order = np.where(out, -np.inf, amounts)
     longest = np.argmax(order, axis=0)[None]
     return np.asarray(np.maximum(np.take_along_axis(exposures / amounts, longest, axis=0)[0], 0.0))
 
 
-def _least_usable(amounts: Array, saturated: NDArray[np.bool_]) -> Array:
-    """Least exposure in which each channel is not saturated: the farthest from saturation."""
-    return np.asarray(np.where(saturated, np.inf, amounts).min(axis=0))
+def _least_usable(amounts: Array, out: NDArray[np.bool_]) -> Array:
+    """Least exposure in which each channel is not out: the farthest from saturation."""
+    return np.asarray(np.where(out, np.inf, amounts).min(axis=0))
 
 
 def _linear(shot: _Shot, values: Array) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +10,8 @@ from numpy.typing import NDArray
 from rsibr.errors import InputError
 
 Array = NDArray[np.float64]
+
+_LEAST, _MOST = 1e-6, 1e12
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,9 @@ class NoiseModel:
 
     def __post_init__(self) -> None:
         for name, value in (("full_well", self.full_well), ("read_noise", self.read_noise)):
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(f"{name} is {value:g}", where="noise", fix="give positive numbers of electrons")
+            if not _LEAST <= value <= _MOST:
+                fix = f"give {_LEAST:g} to {_MOST:g} electrons"
+                raise InputError(f"{name} is {value:g}", where="noise", fix=fix)
 
     def variance(self, exposure: Array, step: Array | float) -> Array:
         """Variance of relative exposures.

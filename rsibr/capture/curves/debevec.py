@@ -49,15 +49,22 @@ def calibrated(photographs: Sequence[Photograph]) -> Curve:
         raise InputError(what, where="curve", fix="give brackets with EXIF data, or --exposures")
     images = [np.rint(one.values[..., ::-1] * 255).astype(np.uint8) for one in photographs]
     solver = cv2.createCalibrateDebevec(samples=_SAMPLES, lambda_=_SMOOTHNESS, random=False)
-    response = solver.process(images, np.array(amounts, dtype=np.float32)).reshape(256, 3)[:, ::-1].T
+    try:
+        response = solver.process(images, np.array(amounts, dtype=np.float32)).reshape(256, 3)[:, ::-1].T
+    except cv2.error as error:  # fewer pixels than samples
+        raise _not_found() from error
     return _curve(np.asarray(response, dtype=np.float64))
+
+
+def _not_found() -> InputError:
+    fix = "photograph something with more contrast, or use --curve srgb"
+    return InputError("the curve cannot be found in these photographs", where="curve", fix=fix)
 
 
 def _curve(response: np.ndarray) -> Curve:
     """Monotone curve from exposures at the 256 values; the ends, which no sample supports, are extended."""
     if not np.isfinite(response).all():
-        fix = "photograph something with more contrast, or use --curve srgb"
-        raise InputError("the curve cannot be found in these photographs", where="curve", fix=fix)
+        raise _not_found()
     rising = np.maximum.accumulate(response, axis=1)
     scaled = rising / rising[:, -1:]
     scaled -= scaled[:, :1] * np.linspace(1.0, 0.0, 256)  # value 0 is no exposure

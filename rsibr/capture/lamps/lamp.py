@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.capture.direction import unit
 from rsibr.capture.lamps.hat import add_light
 from rsibr.errors import InputError
 
@@ -40,10 +41,7 @@ class Lamp:
     half_angle_deg: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.direction).all() and np.linalg.norm(self.direction) > 0):
-            raise InputError(
-                f"a lamp in the direction {self.direction}", where="direction", fix="give X,Y,Z, not all 0"
-            )
+        unit(self.direction, "direction")
         if not (np.isfinite(self.irradiance).all() and min(self.irradiance) >= 0):
             raise InputError(f"an irradiance of {self.irradiance}", where="irradiance", fix="give numbers of 0 or more")
         if not 0 <= self.half_angle_deg < 90:
@@ -53,8 +51,7 @@ class Lamp:
     @property
     def toward(self) -> NDArray[np.float64]:
         """Unit direction toward the lamp."""
-        direction = np.asarray(self.direction, dtype=np.float64)
-        return np.asarray(direction / np.linalg.norm(direction))
+        return unit(self.direction, "direction")
 
     def added_to(self, image: NDArray[np.floating]) -> NDArray[np.float32]:
         """Add the lamp to a latitude–longitude map, shape (H, W, 3)."""
@@ -81,10 +78,12 @@ def point_lamp(position: tuple[float, float, float], intensity: tuple[float, flo
     InputError
         If the lamp is at the origin.
     """
-    square = float(np.square(position).sum())
-    if not square > 0:
-        raise InputError("a lamp at the object's centre", where="position", fix="move it away")
-    red, green, blue = (value / square for value in intensity)
+    x, y, z = position
+    distance = math.hypot(x, y, z)
+    if not (math.isfinite(distance) and distance > 0):
+        what = f"a lamp at {x:g},{y:g},{z:g}, and the object's centre at the origin"
+        raise InputError(what, where="position", fix="give a place at some distance")
+    red, green, blue = (value / distance / distance for value in intensity)
     return Lamp(position, (red, green, blue))
 
 

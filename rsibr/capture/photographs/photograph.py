@@ -168,4 +168,5 @@ def opencv() -> Any:
     except ImportError as error:
         fix = "pip install 'rsibr[capture]'"
         raise MachineError("photographs need the package opencv-python-headless", fix=fix) from error
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # our error says it
     return cv2

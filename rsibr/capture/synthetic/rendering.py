@@ -14,7 +14,8 @@ from rsibr.capture.cameras.mitsuba_sensor import sensor_of
 from rsibr.capture.cameras.pinhole import Pinhole
 from rsibr.errors import InputError
 
-_MOST_RAYS = 2**28  # of one launch
+MOST_RAYS = 2**28
+"""Largest number of rays of one launch."""
 
 
 @backend.in_session
@@ -48,9 +49,9 @@ def rendered(
     InputError
         If the pixels are not square, or the picture is too large for one launch.
     """
-    if camera.width * camera.height * samples > _MOST_RAYS:
+    if camera.width * camera.height * samples > MOST_RAYS:
         fix = "ask for fewer pixels or samples"
-        raise InputError(f"more than {_MOST_RAYS} rays in one picture", where="camera", fix=fix)
+        raise InputError(f"more than {MOST_RAYS} rays in one picture", where="camera", fix=fix)
     integrator = {"type": "path", "max_depth": depth}
     scene = {"type": "scene", "integrator": integrator, "sensor": sensor_of(camera, samples), **things}
     shown = _rendered(scene, seed, samples)

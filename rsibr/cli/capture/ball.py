@@ -17,10 +17,11 @@ from rsibr.cli.capture.options import (
     Up,
     Views,
     ball_shots,
+    check_output_exr,
     three,
 )
 from rsibr.cli.capture.report import report
-from rsibr.cli.options import Json, check_output_file
+from rsibr.cli.options import Json
 
 
 def ball(
@@ -43,7 +44,7 @@ def ball(
     json_output: Json = False,
 ) -> None:
     """Make an environment of one or more photographs of a mirror ball; two at 90° show everything."""
-    check_output_file(out)
+    check_output_exr(out, shots)
     balls = ball_shots(shots, view, fov, distance, circle, mask)
     upward = three(up, "--up")
     from rsibr.capture.ball import capture_ball

@@ -18,7 +18,13 @@ capture = typer.Typer(
     cls=Commands,
     help="Make environments of photographs, renders and paintings.",
     rich_markup_mode=None,
-    no_args_is_help=True,
 )
 for command in (hdr, ball, sun, six, light, painted, synth):
     capture.command(cls=Command)(command)
+
+
+@capture.callback(invoke_without_command=True)
+def helped(context: typer.Context) -> None:
+    """Make environments of photographs, renders and paintings."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.capture.options import OutExr, Shots, numbers
+from rsibr.cli.capture.options import OutExr, Shots, check_output_exr, numbers
 from rsibr.cli.capture.report import report
-from rsibr.cli.options import Json, check_output_file
+from rsibr.cli.options import Json
 from rsibr.errors import InputError
 
 
@@ -29,7 +29,7 @@ def hdr(
     json_output: Json = False,
 ) -> None:
     """Merge exposure brackets of one view into radiance, variance and saturation."""
-    check_output_file(out)
+    check_output_exr(out, shots)
     times = [_seconds(part) for part in exposures.split(",")] if exposures else []
     electrons = numbers(noise, 2, "--noise") if noise else None
     from rsibr.capture.brackets.noise_model import NoiseModel
@@ -40,6 +40,9 @@ def hdr(
     )
     result.image.write(out)
     notes = [f"{name}: shows too little to be aligned, and was left out" for name in result.left_out]
+    farthest = max((max(abs(x), abs(y)) for x, y in result.shifts.values()), default=0)
+    if farthest:
+        notes.append(f"shots were shifted onto each other by up to {farthest} pixels; with a tripod use --no-align")
     if result.saturated_box is not None:
         left, right, top, bottom = result.saturated_box
         notes.append(
@@ -47,16 +50,17 @@ def hdr(
             f"{bottom}): their radiance is a lower bound"
         )
     width, height = result.image.size
+    taken = len(shots) - len(result.left_out)
     facts = {
         "width": width,
         "height": height,
         "curve": result.curve.name,
-        "shots": len(shots) - len(result.left_out),
+        "shots": taken,
         "shifts": result.shifts,
         "saturated_pixels": result.saturated_pixels,
         "saturated_box": result.saturated_box,
     }
-    line = f"{width} × {height} pixels of {facts['shots']} shots by the curve {result.curve.name}"
+    line = f"{width} × {height} pixels of {taken} shot{'s' * (taken != 1)} by the curve {result.curve.name}"
     report(out, line, facts, notes, json_output=json_output)
 
 

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.capture.options import OutExr, numbers
+from rsibr.cli.capture.options import OutExr, check_output_exr, numbers
 from rsibr.cli.capture.report import report
-from rsibr.cli.options import Json, check_output_file
+from rsibr.cli.options import Json
 
 
 def light(
@@ -31,7 +31,7 @@ def light(
     json_output: Json = False,
 ) -> None:
     """Add lamps to an environment, with their energy and direction."""
-    check_output_file(out)
+    check_output_exr(out)
     places = [numbers(one, 6, "--point") for one in point or ()]
     toward = [numbers(one, 6, "--directional") for one in directional or ()]
     discs = [numbers(one, 7, "--disc") for one in disc or ()]
@@ -41,6 +41,7 @@ def light(
     lamps = [point_lamp((x, y, z), (r, g, b)) for x, y, z, r, g, b in places]
     lamps += [Lamp((x, y, z), (r, g, b)) for x, y, z, r, g, b in toward]
     lamps += [Lamp((x, y, z), (r, g, b), angle) for x, y, z, angle, r, g, b in discs]
+    near = lamp_notes([one[:3] for one in places], object_radius)
     found = capture_light(environment, lamps)
     found.write(out)
     rows, columns = found.radiance.shape[:2]
@@ -50,5 +51,4 @@ def light(
         "source": found.source,
         "lamps": [{"direction": one.toward.tolist(), "irradiance": list(one.irradiance)} for one in lamps],
     }
-    notes = (*found.notes, *lamp_notes([one[:3] for one in places], object_radius))
-    report(out, f"{columns} × {rows} texels, {found.source}", facts, notes, json_output=json_output)
+    report(out, f"{columns} × {rows} texels, {found.source}", facts, (*found.notes, *near), json_output=json_output)

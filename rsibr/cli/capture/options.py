@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
+from rsibr.cli.options import check_output_file
 from rsibr.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,6 +44,28 @@ Masks = Annotated[
     list[Path] | None,
     typer.Option("--mask", metavar="FILE", help="Picture, white on the ball, one a photograph."),
 ]
+
+
+def check_output_exr(out: Path, sources: Sequence[Path] = ()) -> None:
+    """Check that `out` can be written, is named as OpenEXR, and is none of the photographs it is made of.
+
+    Raises
+    ------
+    InputError
+        If not.
+    """
+    check_output_file(out)
+    if out.suffix.lower() != ".exr" and (out.is_file() or not out.exists()):
+        raise InputError(f"{out} is no name of an OpenEXR file", where="--out", fix="end it in .exr")
+    if any(_is_same(out, source) for source in sources):
+        raise InputError(f"{out} is one of the photographs", where="--out", fix="name another file")
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    try:
+        return one.samefile(other)
+    except (OSError, ValueError):  # one of them does not exist, or cannot
+        return False
 
 
 def numbers(text: str, count: int, option: str) -> tuple[float, ...]:

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.capture.options import Curve, Height, OutExr
+from rsibr.cli.capture.options import Curve, Height, OutExr, check_output_exr
 from rsibr.cli.capture.report import report
-from rsibr.cli.options import Json, check_output_file
+from rsibr.cli.options import Json
 
 
 def painted(
@@ -22,7 +22,7 @@ def painted(
     json_output: Json = False,
 ) -> None:
     """Make an environment of a painted picture, with a stated curve and scale; the file says so."""
-    check_output_file(out)
+    check_output_exr(out, [picture])
     from rsibr.capture.painted import capture_painted
 
     found = capture_painted(picture, scale=scale, curve=curve, projection=projection, height=height)

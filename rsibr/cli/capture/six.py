@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.capture.options import Curve, Height, OutExr, three
+from rsibr.cli.capture.options import Curve, Height, OutExr, check_output_exr, three
 from rsibr.cli.capture.report import report
-from rsibr.cli.options import Json, check_output_file
+from rsibr.cli.options import Json
 from rsibr.errors import InputError
 
 
@@ -28,7 +28,7 @@ def six(
     json_output: Json = False,
 ) -> None:
     """Make an environment of six images, or of a scene rendered in six directions."""
-    check_output_file(out)
+    check_output_exr(out)
     place = three(at, "--at")
     if faces is not None and "{face}" not in faces:
         raise InputError(f"'{faces}' has no {{face}}", where="--faces", fix="write it as in sky_{face}.png")

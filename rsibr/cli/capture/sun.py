@@ -7,9 +7,21 @@ from typing import Annotated
 
 import typer
 
-from rsibr.cli.capture.options import Circles, Curve, Distances, Fovs, Masks, OutExr, Up, Views, ball_shots, three
+from rsibr.cli.capture.options import (
+    Circles,
+    Curve,
+    Distances,
+    Fovs,
+    Masks,
+    OutExr,
+    Up,
+    Views,
+    ball_shots,
+    check_output_exr,
+    three,
+)
 from rsibr.cli.capture.report import report
-from rsibr.cli.options import Json, check_output_file
+from rsibr.cli.options import Json
 
 
 def sun(
@@ -31,7 +43,7 @@ def sun(
     json_output: Json = False,
 ) -> None:
     """Find the energy of a source that saturated every shot, from a matte ball in its light, and add it."""
-    check_output_file(out)
+    check_output_exr(out, [environment, shot])
     (ball,) = ball_shots([shot], view, fov, distance, circle, mask)
     upward = three(up, "--up")
     from rsibr.capture.sun import capture_sun

@@ -41,4 +41,5 @@ def synth(
     sky = load_environment(EnvironmentConfig(file=environment))
     path = capture_synth(sky, named_ball(ball), views, out, shooting)
     facts = {"views": len(views), "photographs": len(views) * shots}
-    report(path, f"{facts['photographs']} photographs of {len(views)} views", facts, sky.notes, json_output=json_output)
+    line = f"photographs: {facts['photographs']}, views: {facts['views']}"
+    report(path, line, facts, sky.notes, json_output=json_output)

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsibr.capture.balls.ball_photograph import placed
+from rsibr.capture.balls.ball_photograph import BallPhotograph, placed
 from rsibr.capture.balls.environment import environment_of
 from rsibr.capture.balls.filled import filled
 from rsibr.capture.balls.reflectance import reflectance_of
 from rsibr.capture.balls.reflection import light_direction
+from rsibr.capture.brackets.hdr_image import HdrImage
 from rsibr.capture.cameras.pinhole import Pinhole
-from rsibr.capture.lamps.hat import texel_centres
+from rsibr.capture.lamps.hat import hat_integrals, texel_centres
 from rsibr.capture.silhouette.cone import fitted_cone
 from rsibr.capture.silhouette.marks import mask_places
 from rsibr.capture.synthetic.scenes import mirror
@@ -113,6 +114,33 @@ def test_two_balls_at_a_right_angle_show_everything():
 
 
 @pytest.mark.slow
+def test_a_small_lamp_keeps_its_energy():
+    """Blocks of 4 × 4 lit pixels, one a channel, against the solid angle that the law of the mirror ball gives each."""
+    camera, rng, ratios = framed((0, 0, 1), 10, 200), np.random.default_rng(4), []
+    for _ in range(8):
+        turn, out = rng.uniform(0, 2 * np.pi, 3), rng.uniform(20, 70, 3)  # of a radius of 87 pixels
+        corners = (100 + out * np.stack([np.cos(turn), np.sin(turn)])).astype(int).T
+        picture = np.zeros((200, 200, 3), np.float32)
+        for channel, (left, top) in enumerate(corners):
+            picture[top : top + 4, left : left + 4, channel] = 1
+        ball = BallPhotograph(HdrImage(picture, picture, picture > 2), camera, "ball")
+        found = np.einsum("h,hwc->c", hat_integrals(32, 64), environment_of([ball], PERFECT, 32).radiance)
+        ratios += (found / [solid_angle(camera, *corner, 4) for corner in corners]).tolist()
+    off = np.sqrt(np.mean((np.array(ratios) - 1) ** 2))
+    assert off < 0.02  # 0.035 with half as many samples
+
+
+def solid_angle(camera, left, top, side, fine=32):
+    """Of the light that pixels show, by a fine midpoint rule over them: dΩ = sin θ θ′(β) cos²β / (f ρ) dx dy."""
+    y, x = (np.mgrid[: side * fine, : side * fine] + 0.5) / fine + np.array([top - 100, left - 100])[:, None, None]
+    across, focal, distance = np.hypot(x, y), camera.focal[0], 10.0
+    beta = np.arctan(across / focal)
+    incidence = np.arcsin(distance * np.sin(beta))
+    slope = 2 * distance * np.cos(beta) / np.cos(incidence) - 1
+    return (np.sin(2 * incidence - beta) * slope * np.cos(beta) ** 2 / (focal * across)).sum() / fine**2
+
+
+@pytest.mark.slow
 def test_without_the_metals_reflectance_the_light_is_too_dark():
     environment = courtyard()
     ball, _ = photographed(environment, mirror("Cr"), framed((0, 0, 1), 10, 200))
@@ -132,6 +160,14 @@ def test_what_no_ball_saw_is_marked_and_filled_and_never_black():
     assert found.radiance[~found.seen].min() > 0.01
     assert np.abs(found.radiance[blind] - (0.5 + 0.5 * centres[blind])).max() < 0.3
     assert any("were seen by no ball" in note for note in found.notes)
+
+
+def test_what_lies_behind_the_rim_never_comes_in():
+    """A blazing background mixes with the ball in the pixels of its outline."""
+    ball, alpha = photographed(directions_as_colours(), mirror("none"), framed((0, 0, 1), 10, 150))
+    blazing = ball.image.radiance + 1e6 * (1 - alpha[..., None])
+    found = environment_of([replace(ball, image=replace(ball.image, radiance=blazing))], PERFECT, 32)
+    assert found.radiance.max() < 1.1
 
 
 def test_saturation_is_carried_over():
