@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from rsibr.shading.pictures.sequence import render_sequence as render_sequence
     from rsibr.shading.render import render as render
     from rsibr.store.bake import open_bake as open_bake
+    from rsibr.store.pack import pack as pack
     from rsibr.studies import figures as plots
     from rsibr.studies.compare.runner import compare as compare
     from rsibr.studies.runner import study as study
@@ -57,6 +58,7 @@ _HOME = {
     "method_names": "rsibr.methods.registry",
     "node_cosines": "rsibr.lobes.albedo",
     "open_bake": "rsibr.store.bake",
+    "pack": "rsibr.store.pack",
     "plan": "rsibr.budget.bake",
     "reconstruct": "rsibr.methods.reconstruction",
     "register": "rsibr.methods.registry",
@@ -93,6 +95,7 @@ __all__ = [
     "metrics",
     "node_cosines",
     "open_bake",
+    "pack",
     "pictures",
     "plan",
     "plots",

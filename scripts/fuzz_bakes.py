@@ -30,8 +30,8 @@ from rsibr.light.radiance import Light
 from rsibr.methods.method_set import MethodSet
 from rsibr.methods.reconstruction import run
 from rsibr.store.bake import Bake, open_bake
-from rsibr.store.light_file import LIGHT_NAME, encode_light
-from rsibr.store.manifest import MANIFEST_NAME, canonical, checksum
+from rsibr.store.light_file import encode_light
+from rsibr.store.manifest import LIGHT_NAME, MANIFEST_NAME, canonical, checksum
 from rsibr.store.map_file import MapFile, map_digest
 
 CONFIG = """[environment]

@@ -339,7 +339,7 @@ def stop_short_of_rendering() -> None:
     def refuse(*_: object, **__: object) -> None:
         raise InputError("as far as the fuzzing goes", where="fuzz")
 
-    baker._bake_views = refuse
+    baker.bake_views = refuse
     validation.ReferenceRenderer = refuse
 
 

@@ -158,6 +158,12 @@ class Scene:
         shapes = {record.name: shape_of(record) for record in records}
         return self.parts.light(self.rendering, any(lobe.is_mirror for lobe in self.lobes), shapes)
 
+    @property
+    def shared_light(self) -> Light:
+        """Environment as bakes of any material under this sky share it; `light` where the material has a part in it."""
+        shared = self.parts.shared_light(self.rendering, any(lobe.is_mirror for lobe in self.lobes))
+        return self.light if shared is None else shared
+
     @cached_property
     def all_around(self) -> Viewpoints:
         """Views that the config asks for."""

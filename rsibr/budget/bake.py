@@ -41,6 +41,7 @@ def bake(
     on_progress: Callable[[Progress], None] = lambda _: None,
     on_forecast: Callable[[JobSize], None] = lambda _: None,
     allow_large: bool = False,
+    lights: Path | str | None = None,
 ) -> Bake:
     """Bake the radiance sphere maps of all views, within the config's budget if it has one.
 
@@ -49,7 +50,7 @@ def bake(
 
     Parameters
     ----------
-    config, out, overrides, fresh, on_progress, on_forecast, allow_large
+    config, out, overrides, fresh, on_progress, on_forecast, allow_large, lights
         See `rsibr.baking.baker.bake`.
 
     Returns
@@ -78,7 +79,13 @@ def bake(
     """
     path = Path(out)
     run = partial(
-        run_bake, out=path, fresh=fresh, on_progress=on_progress, on_forecast=on_forecast, allow_large=allow_large
+        run_bake,
+        out=path,
+        fresh=fresh,
+        on_progress=on_progress,
+        on_forecast=on_forecast,
+        allow_large=allow_large,
+        lights=lights,
     )
     with clock.counting() as begun:
         settings = config_of(config, overrides)

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
 from rsibr import backend
-from rsibr.baking.baker import bake_view, plan_manifest
 from rsibr.baking.blocks import block_sizes
 from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.planned_manifest import plan_manifest
 from rsibr.baking.scene import Scene
+from rsibr.baking.view import bake_view
 from rsibr.errors import CheckFailed
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.novel_views import novel_views

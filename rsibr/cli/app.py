@@ -17,6 +17,7 @@ from rsibr.cli.completion import by_name_of_the_shell, cut_words_of_bash
 from rsibr.cli.demo import demo
 from rsibr.cli.doctor import doctor
 from rsibr.cli.ending import run
+from rsibr.cli.pack import pack
 from rsibr.cli.plan import plan
 from rsibr.cli.reconstruct import reconstruct
 from rsibr.cli.render import render
@@ -34,7 +35,7 @@ app = typer.Typer(
     rich_markup_mode=None,  # Rich would delay --help by half a second
     pretty_exceptions_enable=False,
 )
-for command in (demo, doctor, plan, bake, check, reconstruct, render, validate, study, compare):
+for command in (demo, doctor, plan, bake, pack, check, reconstruct, render, validate, study, compare):
     app.command(cls=Command)(command)
 app.add_typer(capture)
 

@@ -28,7 +28,7 @@ WIDEST = 1.3
 
 _FINENESS = 2.2  # texels per standard deviation
 _LEAST_RESOLUTION = 8
-_REMEMBERED = 2  # environments whose levels are kept: 16 MB each for pictures of 512²
+_REMEMBERED = 4  # environments whose levels are kept: 16 MB each for pictures of 512²
 _REACH, _TAPS = 2.8, 9  # of a blur: cut-off in standard deviations; taps a side
 
 _remembered: dict[bytes, list[NDArray[np.float32]]] = {}
@@ -174,8 +174,8 @@ def blurred_levels(picture: NDArray[np.float32]) -> list[NDArray[np.float32]]:
         and plans under one sky follow each other.
     """
     key = hashlib.sha256(picture.tobytes()).digest()
-    if key not in _remembered:
-        _remembered[key] = _all_levels(picture)
+    known = _remembered.pop(key) if key in _remembered else _all_levels(picture)
+    _remembered[key] = known  # now the last to be forgotten
     while len(_remembered) > _REMEMBERED:
         _remembered.pop(next(iter(_remembered)))
     return list(_remembered[key])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -15,6 +17,19 @@ RESOLUTION = 64
 
 _BLOCKS = 128  # blocks a side into which the environment is merged
 _COLUMNS = 7  # of the table of blocks: direction, radiance, solid angle
+
+BARE = np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]])
+"""Weights of the bare cosine lobe alone."""
+
+COATED = BARE[::-1]
+"""Weights of the coated cosine lobe alone."""
+
+_WEIGHT_OF = np.array([1.0, 20 / 21])[:, None]
+"""Integral of the bare and of the coated lobe over the hemisphere, in units of π."""
+
+_REMEMBERED = 64  # environments whose sums are kept: 0.3 MB each
+
+_remembered: dict[tuple[bytes, bool], tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
 
 
 def irradiance_map(picture: NDArray[np.float32], weights: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -37,9 +52,27 @@ def irradiance_map(picture: NDArray[np.float32], weights: NDArray[np.float64]) -
     The weight of a direction with cosine c is c (w_bare + w_coated (1 − (1 − c)⁵)), Schlick's transmission.
     """
     weights = np.where(weights.any(axis=0), weights, 1.0)  # in a black channel any shape serves
-    gathered, total = _gathered(*_blocks(picture), is_coated=bool(weights[1].any()))
+    gathered, total = _sums(picture, is_coated=bool(weights[1].any()))
     mean = np.einsum("lc,lnc->nc", weights, gathered) / np.einsum("lc,ln->nc", weights, total)
     return np.asarray(mean.reshape(RESOLUTION, RESOLUTION, 3), dtype=np.float32)
+
+
+def mixed(bare: NDArray[np.float32], coated: NDArray[np.float32], weights: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Irradiance map of a mixture from those of its two lobes alone, with weights `BARE` and `COATED`."""
+    weights = np.where(weights.any(axis=0), weights, 1.0) * _WEIGHT_OF
+    share = weights / weights.sum(axis=0)
+    return np.asarray(share[0] * bare + share[1] * coated, dtype=np.float32)
+
+
+def _sums(picture: NDArray[np.float32], is_coated: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sums of `_gathered`, which serve all weights: kept, for materials under one sky follow each other."""
+    digest = hashlib.sha256(picture.tobytes()).digest()
+    key = digest, is_coated or (digest, True) in _remembered  # with those of the coated lobe come those of the bare one
+    if key not in _remembered:
+        _remembered[key] = _gathered(*_blocks(picture), is_coated=is_coated)
+    while len(_remembered) > _REMEMBERED:
+        _remembered.pop(next(iter(_remembered)))
+    return _remembered[key]
 
 
 def _gathered(

@@ -17,7 +17,7 @@ from rsibr.geometry.projections.octahedral import texel_directions
 from rsibr.light.delta_lights import DeltaLights
 from rsibr.light.emitter_draws import EmitterDraws
 from rsibr.light.environment_pyramid import blurred_levels
-from rsibr.light.irradiance import irradiance_map
+from rsibr.light.irradiance import BARE, COATED, irradiance_map, mixed
 from rsibr.scene.wavelengths import Wavelengths
 
 if TYPE_CHECKING:
@@ -138,11 +138,24 @@ class Light:
         )
 
     def irradiance(self, weights: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Irradiance map for a matte lobe with these `weights`, shape (2, 3): stored, or computed."""
-        for known in self.irradiances:
-            if np.allclose(known.weights, weights, rtol=_SAME, atol=_SAME):
-                return known.image
+        """Irradiance map for a matte lobe with these `weights`, shape (2, 3): stored, mixed, or computed."""
+        if (known := self._stored(weights)) is not None:
+            return known
+        bare, coated = self._stored(BARE), self._stored(COATED)
+        if bare is not None and coated is not None:
+            return mixed(bare, coated, weights)
         return irradiance_map(self.picture, weights)
+
+    def _stored(self, weights: NDArray[np.float64]) -> NDArray[np.float32] | None:
+        same = (one.image for one in self.irradiances if np.allclose(one.weights, weights, rtol=_SAME, atol=_SAME))
+        return next(same, None)
+
+    def for_all_materials(self) -> Light:
+        """Return the environment with what any material needs that reflects no light without extent.
+
+        All levels of the pyramid, and the irradiance maps of both cosine lobes, of which every matte lobe is a mixture.
+        """
+        return self.with_tables(glossy=True, matte=[COATED, BARE])
 
 
 def _red(image: NDArray[Any]) -> NDArray[Any]:

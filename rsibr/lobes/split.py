@@ -80,6 +80,8 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
         Any isotropic BSDF.
     proxies : sequence of ProxyLobe
         Proxies, one a lobe; those with the same `component` share that component.
+    lobes : list of Lobe, optional
+        Lobes of a split of the same material, where they are known; computed at their first use otherwise.
 
     Attributes
     ----------
@@ -93,8 +95,8 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
     (['mirror'], True)
     """
 
-    def __init__(self, bsdf: mi.BSDF, proxies: Sequence[ProxyLobe]) -> None:
-        self._bsdf, self._proxies = bsdf, list(proxies)
+    def __init__(self, bsdf: mi.BSDF, proxies: Sequence[ProxyLobe], lobes: list[Lobe] | None = None) -> None:
+        self._bsdf, self._proxies, self._known = bsdf, list(proxies), lobes
         self._terms = [_device_terms(proxy) for proxy in self._proxies]
         self._members: dict[int | None, list[int]] = {}
         for index, proxy in enumerate(self._proxies):
@@ -112,13 +114,20 @@ class LobeSplit:  # numbers are opaque: materials with the same structure share 
         is_black = not any(colours.any() for proxy in proxies for colours in proxy.coefficients)
         return cls(bsdf, [] if is_black and mi.has_flag(flags, kinds.DeltaReflection) else proxies)
 
+    @property
+    def proxies(self) -> tuple[ProxyLobe, ...]:
+        """Proxies of the lobes that are not delta lobes."""
+        return tuple(self._proxies)
+
     def of_variant(self, bsdf: mi.BSDF) -> LobeSplit:
         """Return the same split for the same material, loaded in the current variant of Mitsuba."""
         return LobeSplit(bsdf, self._proxies)
 
     @cached_property
     def lobes(self) -> list[Lobe]:
-        """Lobes with their albedos and shapes, computed on first use in one to two seconds."""
+        """Lobes with their albedos and shapes, computed on first use in one to two seconds unless they are given."""
+        if self._known is not None:
+            return self._known
         tables = albedo_tables(self) if self._proxies else []
         smooth = zip(self.names, self._proxies, tables, self._shapes(), strict=False)
         lobes = [Lobe(name, proxy.alpha, table, shape, proxy) for name, proxy, table, shape in smooth]

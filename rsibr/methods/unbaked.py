@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rsibr import backend
-from rsibr.baking.baker import plan_manifest
+from rsibr.baking.planned_manifest import plan_manifest
 from rsibr.baking.scene import Scene
 from rsibr.geometry.viewpoints import witness
 from rsibr.regular_file import is_file

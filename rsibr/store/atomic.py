@@ -22,6 +22,7 @@ _MACHINE_ERRORS = {*_FULL_DISK, errno.EFBIG, errno.EIO, errno.ENOMEM, errno.EMFI
 
 _STANDARD_STREAM = re.compile(r"/dev/std(in|out|err)|/proc/\d+(/task/\d+)?/fd/[012]")
 _MOST_LINKS = 40
+_ATTEMPTS = 3
 
 
 def write_atomic(path: Path, data: bytes) -> None:
@@ -103,6 +104,17 @@ def _links(path: Path) -> list[str]:
 
 
 def _replace(path: Path, data: bytes) -> None:
+    """Replace a file; again if a writer that began meanwhile has swept the temporary one, as a killed process's."""
+    for left in reversed(range(_ATTEMPTS)):
+        try:
+            _replace_once(path, data)
+            break
+        except FileNotFoundError:
+            if not left or not path.parent.is_dir():
+                raise
+
+
+def _replace_once(path: Path, data: bytes) -> None:
     # The random part separates processes that write the same file; the last rename wins
     stem = os.fsdecode(os.fsencode(path.name)[:_LONGEST_STEM])
     temporary = path.with_name(f".{stem}.{secrets.token_hex(4)}{_SUFFIX}")

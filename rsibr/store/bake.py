@@ -14,10 +14,12 @@ from rsibr.store.consistency import BAKE_ANEW, check_manifest
 from rsibr.store.described_maps import DescribedMaps
 from rsibr.store.directory import BAKE_AGAIN
 from rsibr.store.integrity import altered, check_file, check_map
-from rsibr.store.light_file import LIGHT_NAME, decode_light, is_negative
-from rsibr.store.manifest import MANIFEST_NAME, read_manifest
+from rsibr.store.light_file import decode_light, is_negative
+from rsibr.store.manifest import LIGHT_NAME, MANIFEST_NAME, Manifest, read_manifest
 from rsibr.store.map_file import MapFile, decode_map
 from rsibr.store.map_header import MapHeader, check_header
+from rsibr.store.sidecar import sidecar_file
+from rsibr.store.stamp import file_state, is_stamped, stamp
 from rsibr.store.writer import BakeWriter
 
 __all__ = ["Bake", "BakeWriter", "open_bake"]
@@ -77,16 +79,17 @@ class Bake(DescribedMaps):
             If the bake is older than this file, or the file was altered since the bake was opened, or its content is no
             environment.
         """
-        file = self.path / LIGHT_NAME
         if self.manifest.light is None:
-            raise BakeError("is missing: the bake was made before lights were kept", where=str(file), fix=BAKE_AGAIN)
+            where = str(self.path / LIGHT_NAME)
+            raise BakeError("is missing: the bake was made before lights were kept", where=where, fix=BAKE_AGAIN)
+        file = self.path / self.manifest.light.file
         found = decode_light(_content(file, self.manifest.light.sha256), where=str(file))
         if self.rendering == "rgb" and is_negative(found):  # spectra may leave Rec.709
             raise BakeError("holds negative radiance", where=str(file), fix=BAKE_ANEW)
         return found
 
 
-def open_bake(path: Path) -> Bake:
+def open_bake(path: Path, *, rehash: bool = False) -> Bake:
     """Open a bake and check its schema, its manifest, size and checksum of every file, and the header of every map.
 
     A bake may come from a stranger, whose checksums fit: whatever the manifest says twice must agree, and each map must
@@ -96,6 +99,9 @@ def open_bake(path: Path) -> Bake:
     ----------
     path : Path
         Directory of the bake, `NAME.rsibr`.
+    rehash : bool
+        Whether to read every byte even if the bake was checked before and no file has changed since; see
+        `rsibr.store.stamp`.
 
     Raises
     ------
@@ -107,15 +113,23 @@ def open_bake(path: Path) -> Bake:
     _check_kind(path)
     manifest = read_manifest(path / MANIFEST_NAME)
     if manifest.pending:
-        total = len(manifest.views)
-        done = total - len(manifest.pending)
-        raise BakeError(f"is not finished: it holds {done} of {total} views", where=str(path), fix=BAKE_AGAIN)
+        raise unfinished(path, manifest)
     check_manifest(manifest, path / MANIFEST_NAME)
-    for index in range(len(manifest.views)):
-        check_map(path, manifest, index)
-    if manifest.light is not None:
-        check_file(path, LIGHT_NAME, manifest.light)
+    state = file_state(path, manifest)
+    if rehash or not is_stamped(path, state):
+        for index in range(len(manifest.views)):
+            check_map(path, manifest, index)
+        if manifest.light is not None:
+            check_file(path, manifest.light)
+        stamp(path, manifest, state)
     return Bake(path, manifest)
+
+
+def unfinished(path: Path, manifest: Manifest) -> BakeError:
+    """Return the error for an unfinished bake; views with a sidecar count as held."""
+    total, pending = len(manifest.views), [manifest.views[index] for index in manifest.pending]
+    done = total - sum(not sidecar_file(path, state).exists() for state in pending)
+    return BakeError(f"is not finished: it holds {done} of {total} views", where=str(path), fix=BAKE_AGAIN)
 
 
 def _content(file: Path, sha256: str | None) -> bytes:

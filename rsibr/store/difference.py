@@ -27,6 +27,11 @@ def differences(found: Manifest, wanted: Manifest) -> list[str]:
     return changes(_fixing_the_bits(found), _fixing_the_bits(wanted))
 
 
+def bits_digest(manifest: Manifest) -> str:
+    """SHA-256 of everything that determines the bits of the maps: equal for bakes without `differences`."""
+    return checksum(canonical(_fixing_the_bits(manifest)))
+
+
 def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     """List the values that differ in two tables, by dotted key; see `differences`.
 

@@ -13,11 +13,12 @@ from filelock import FileLock, Timeout
 from rsibr.errors import BakeError
 from rsibr.regular_file import kind_of
 from rsibr.store.atomic import is_leftover, sync_folder, unwritable
-from rsibr.store.light_file import LIGHT_NAME
-from rsibr.store.manifest import MANIFEST_NAME, MAPS_NAME
+from rsibr.store.manifest import LIGHT_NAME, MANIFEST_NAME, MAPS_NAME
 
 LOCK_NAME = ".lock"
-MAP_PATTERN = re.compile(r"view_\d{4,}\.exr")
+MAP_PATTERN = re.compile(r"view_\d{4,}\.(?:exr|json)")
+"""Name of a map or of its sidecar."""
+
 BAKE_AGAIN = "run the same `rsibr bake` command again to finish it"
 
 _ELSEWHERE = "choose another --out"

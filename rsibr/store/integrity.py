@@ -9,27 +9,30 @@ from rsibr.errors import BakeError, RsibrError
 from rsibr.regular_file import open_regular
 from rsibr.store.atomic import file_checksum, read_bytes, unreadable
 from rsibr.store.directory import BAKE_AGAIN
-from rsibr.store.light_file import LIGHT_NAME, decode_light
+from rsibr.store.light_file import decode_light
 from rsibr.store.manifest import LightRecord, Manifest, ViewState
 from rsibr.store.map_header import check_header, read_header
 
 
-def check_file(bake: Path, name: str, state: ViewState | LightRecord) -> None:
-    """Check that the file `name` of a bake exists with the size and checksum recorded in the manifest.
+def check_file(bake: Path, state: ViewState | LightRecord) -> None:
+    """Check that a file of a bake exists with the size and checksum recorded in the manifest.
 
     Raises
     ------
     BakeError
-        If it is missing, is no regular file inside the bake, cannot be read, or is truncated or altered.
+        If it is missing, is no regular file inside the bake (a shared light: or beside it), cannot be read, or is
+        truncated or altered.
     """
-    file = bake / name
+    file, is_shared = bake / state.file, isinstance(state, LightRecord) and state.is_shared
     try:
-        if Path(os.path.realpath(file)) != Path(os.path.realpath(bake), name):
+        if not is_shared and Path(os.path.realpath(file)) != Path(os.path.realpath(bake), state.file):
             raise BakeError("is a link; the files of a bake lie in its directory", where=str(file))
         with open_regular(file) as opened:
             size = os.fstat(opened.fileno()).st_size
     except FileNotFoundError as error:
-        raise BakeError("is missing", where=str(file), fix=BAKE_AGAIN) from error
+        fix = f"put its folder back, or {BAKE_AGAIN}" if is_shared else BAKE_AGAIN
+        what = f"is missing: the light of {bake.name}, shared by the bakes of one sky" if is_shared else "is missing"
+        raise BakeError(what, where=str(file), fix=fix) from error
     except OSError as error:
         raise unreadable(file, error) from error
     if size != state.bytes or file_checksum(file) != state.sha256:
@@ -45,7 +48,7 @@ def check_map(bake: Path, manifest: Manifest, index: int) -> None:
         As `check_file`, or if it is the map of another view.
     """
     state = manifest.views[index]
-    check_file(bake, state.file, state)
+    check_file(bake, state)
     file = bake / state.file
     with open_regular(file) as opened:
         header = read_header(opened, where=str(file))
@@ -63,9 +66,9 @@ def is_sound_map(bake: Path, manifest: Manifest, index: int) -> bool:
 
 def is_sound_light(bake: Path, light: LightRecord) -> bool:
     """Whether the environment of a bake is as recorded, and can be decoded."""
-    file = bake / LIGHT_NAME
+    file = bake / light.file
     try:
-        check_file(bake, LIGHT_NAME, light)
+        check_file(bake, light)
         decode_light(read_bytes(file), where=str(file))
     except RsibrError:
         return False

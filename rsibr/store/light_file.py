@@ -32,8 +32,6 @@ from rsibr.lobes.proxy_ratio import NODES
 from rsibr.store.exr import open_exr
 from rsibr.store.map_file import FRAME_KEY, REC709
 
-LIGHT_NAME = "light.exr"
-
 _PICTURE, _IMAGE, _LEVEL, _IRRADIANCE, _DELTA = "light", "image", "level.", "irradiance.", "delta"
 _RATIO = "ratio."
 _WIDTH_KEY, _WEIGHTS_KEY = "rsibr:width", "rsibr:weights"

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -21,6 +22,8 @@ from rsibr.store.atomic import checksum, read_bytes, write_atomic
 
 MANIFEST_NAME = "manifest.json"
 MAPS_NAME = "maps"
+LIGHT_NAME = "light.exr"
+LIGHTS_NAME = "lights"
 SCHEMA_VERSION: Literal[1] = 1
 
 MAX_RESOLUTION = 4096
@@ -32,6 +35,7 @@ LARGEST_MANIFEST = 2**28
 _SHA256 = r"^[0-9a-f]{64}$"
 _VARIANT = r"^(scalar|llvm_ad|cuda_ad)_(rgb|spectral|spectral_polarized)$"
 _LAYER = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$"
+_SHARED_LIGHT = re.compile(rf"(?:\.\./)+{LIGHTS_NAME}/([0-9a-f]{{64}})\.exr")
 _LONGEST_PLACE = 100
 
 Vector = tuple[float, float, float]
@@ -46,11 +50,13 @@ LayerName = Annotated[str, Field(pattern=_LAYER)]
 """Name of a layer; it becomes a part of file names, so that it must not hold a path."""
 
 
-class _Record(BaseModel):
+class Record(BaseModel):
+    """Part of a file of a bake: immutable, numbers finite, unknown keys refused."""
+
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class EnvironmentRecord(_Record):
+class EnvironmentRecord(Record):
     """Environment: its name, the number of negative values clipped, and the lowest of them."""
 
     name: str
@@ -58,7 +64,7 @@ class EnvironmentRecord(_Record):
     lowest: float = 0.0
 
 
-class MaterialRecord(_Record):
+class MaterialRecord(Record):
     """Material: its name, the warp for one lobe, and notes on what maps cannot represent."""
 
     name: str
@@ -66,7 +72,7 @@ class MaterialRecord(_Record):
     notes: tuple[str, ...] = ()
 
 
-class ProxyRecord(_Record):
+class ProxyRecord(Record):
     """One roughness of the proxy of a lobe; see `rsibr.lobes.fit.ProxyLobe`.
 
     Attributes
@@ -81,7 +87,7 @@ class ProxyRecord(_Record):
     coefficients: tuple[Vector, ...]
 
 
-class GaussianRecord(_Record):
+class GaussianRecord(Record):
     """One Gaussian over microfacet slopes; see `rsibr.lobes.gaussians.Gaussians`.
 
     Attributes
@@ -97,7 +103,7 @@ class GaussianRecord(_Record):
     grazing: Vector
 
 
-class ShapeRecord(_Record):
+class ShapeRecord(Record):
     """Shape of a lobe; see `rsibr.lobes.gaussians.LobeShape`.
 
     Attributes
@@ -116,7 +122,7 @@ class ShapeRecord(_Record):
     matte: tuple[Vector, Vector]
 
 
-class LobeRecord(_Record):
+class LobeRecord(Record):
     """One lobe of the material.
 
     Attributes
@@ -144,18 +150,41 @@ class LobeRecord(_Record):
     views: int | None = Field(None, ge=1)
 
 
-class LightRecord(_Record):
-    """File of the environment: checksum, size [bytes], and the number of its lights without extent.
+class LightRecord(Record):
+    """File of the environment.
 
-    That number is None in bakes older than this field, whose files hold no such light.
+    Attributes
+    ----------
+    sha256 : str
+        Checksum of the file.
+    bytes : int
+        Its size [bytes].
+    delta_lights : int or None
+        Number of its lights without extent; None in bakes older than this field, whose files hold no such light.
+    file : str
+        Path from the bake's directory: `LIGHT_NAME` inside it, or `../lights/SHA256.exr`, where bakes of one sky share
+        it. See `rsibr.store.shared_light`.
     """
 
     sha256: str = Field(pattern=_SHA256)
     bytes: Size
     delta_lights: int | None = Field(None, ge=0)
+    file: str = LIGHT_NAME
+
+    @model_validator(mode="after")
+    def _is_within_reach(self) -> Self:
+        shared = _SHARED_LIGHT.fullmatch(self.file)
+        if self.file != LIGHT_NAME and (shared is None or shared[1] != self.sha256):
+            raise ValueError(f"its file is neither {LIGHT_NAME} nor ../{LIGHTS_NAME}/SHA256.exr")
+        return self
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether the file lies outside the bake, where other bakes of the same sky read it too."""
+        return self.file != LIGHT_NAME
 
 
-class HealthRecord(_Record):
+class HealthRecord(Record):
     """Number of unreliable texels of a map when it was stored; `rsibr check` locates them.
 
     Attributes
@@ -173,7 +202,7 @@ class HealthRecord(_Record):
     largest: float = Field(ge=0.0)
 
 
-class SamplingRecord(_Record):
+class SamplingRecord(Record):
     """Number and allocation of the samples; decided before the first view, and kept when the bake is resumed.
 
     Attributes
@@ -215,7 +244,7 @@ class SamplingRecord(_Record):
         return {"block": self.block, "even": self.even, "scale": self.scale}
 
 
-class ProbeRecord(_Record):
+class ProbeRecord(Record):
     """Result of a probe: a small bake with few samples, compared with novel views.
 
     Attributes
@@ -236,7 +265,7 @@ class ProbeRecord(_Record):
     noise: float
 
 
-class BudgetRecord(_Record):
+class BudgetRecord(Record):
     """Budget of the whole bake: what was promised, chosen and reached.
 
     Attributes
@@ -274,7 +303,7 @@ class BudgetRecord(_Record):
     reached_seconds: Seconds | None = None
 
 
-class ViewState(_Record):
+class ViewState(Record):
     """State of one view of the bake.
 
     Attributes
@@ -338,7 +367,7 @@ class ViewState(_Record):
         )
 
 
-class Manifest(_Record):
+class Manifest(Record):
     """Metadata of a bake.
 
     Attributes
@@ -530,7 +559,7 @@ def write_manifest(path: Path, manifest: Manifest) -> None:
     MachineError, BakeError
         If it cannot be written.
     """
-    write_atomic(path, _file_content(manifest.model_dump(mode="json")))
+    write_atomic(path, sealed(manifest.model_dump(mode="json")))
 
 
 def read_manifest(path: Path) -> Manifest:
@@ -548,7 +577,7 @@ def read_manifest(path: Path) -> Manifest:
         del body["checksum"]
         version = body["schema_version"]
         # Re-encoding the content detects any change, of the checksum and of white space as well
-        whole = data == _file_content(body)
+        whole = data == sealed(body)
     except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise BakeError("is no manifest of a bake, or is truncated", where=str(path), fix=remedy) from error
     if type(version) is not int or version != SCHEMA_VERSION:
@@ -576,7 +605,7 @@ def canonical(value: Any) -> bytes:
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
 
 
-def _file_content(body: dict[str, Any]) -> bytes:
-    """Bytes of the file: one key a line, for readers and diffs; the last is the checksum of the canonical form."""
+def sealed(body: dict[str, Any]) -> bytes:
+    """Bytes of a JSON file: one key a line, for readers and diffs; the last is the checksum of the canonical form."""
     content = {**body, "checksum": checksum(canonical(body))}
     return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()

@@ -7,10 +7,10 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from rsibr.baking.baker import bake_view
 from rsibr.baking.blocks import Blocks, BlockSums, block_sizes
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.lattice import MAX_POINTS
+from rsibr.baking.view import bake_view
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.projections.sphere_map import LEAST_COVERAGE, texel_coverage
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig

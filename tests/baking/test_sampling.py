@@ -13,10 +13,10 @@ from scipy.stats import t as student
 
 from rsibr.baking import sampling
 from rsibr.baking.baker import bake as bake_config
-from rsibr.baking.baker import bake_view
 from rsibr.baking.blocks import MAX_BLOCKS, Blocks, block_sizes
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.sampling import Sampler, Steering
+from rsibr.baking.view import bake_view
 from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
 from rsibr.scene.config import SamplingConfig

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from rsibr.baking import texel_pilot
-from rsibr.baking.baker import bake_view
 from rsibr.baking.blocks import MAX_BLOCKS, Blocks
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.sampling import Sampler, Steering
 from rsibr.baking.texel_pilot import TexelPilot
+from rsibr.baking.view import bake_view
 from rsibr.geometry.frame import view_frame
 from rsibr.scene.config import SamplingConfig
 from rsibr.store.noise import COVERED, map_noise

@@ -6,9 +6,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from rsibr.baking.baker import bake_view
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.sampling import Sampler
+from rsibr.baking.view import bake_view
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.viewpoints import icosphere
 from rsibr.lobes.split import LobeSplit

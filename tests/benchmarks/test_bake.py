@@ -7,9 +7,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.baking.baker import bake_view
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.sampling import Sampler
+from rsibr.baking.view import bake_view
 from rsibr.geometry.frame import view_frame
 from rsibr.resources import scenes
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig, SamplingConfig

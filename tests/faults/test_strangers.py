@@ -22,7 +22,8 @@ from rsibr.methods.reconstruction import reconstruct
 from rsibr.scene.config import load_config
 from rsibr.store.atomic import checksum
 from rsibr.store.bake import open_bake
-from rsibr.store.light_file import LIGHT_NAME, encode_light
+from rsibr.store.light_file import encode_light
+from rsibr.store.manifest import LIGHT_NAME
 from rsibr.store.map_file import MapFile, encode_map, read_map
 from tests.cli.command import CONFIG, Shell, write_config
 from tests.cli.test_processes import done

@@ -9,9 +9,10 @@ from scipy.stats import norm
 from scipy.stats import t as student
 from typer.testing import CliRunner
 
-from rsibr.baking.baker import bake, bake_view
+from rsibr.baking.baker import bake
 from rsibr.baking.blocks import Blocks, block_sizes
 from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.view import bake_view
 from rsibr.cli.app import app
 from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame

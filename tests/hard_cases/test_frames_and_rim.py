@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from rsibr.baking.baker import bake_view
 from rsibr.baking.blocks import Blocks
 from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.view import bake_view
 from rsibr.errors import InputError
 from rsibr.geometry.frame import frame_of, transported, unit_view, view_frame
 from rsibr.geometry.projections.sphere_map import (

@@ -10,10 +10,11 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from rsibr.baking.baker import bake, bake_view
+from rsibr.baking.baker import bake
 from rsibr.baking.blocks import Blocks, block_sizes
 from rsibr.baking.integrator import EstimateOptions, Launch, SphereIntegrator
 from rsibr.baking.lattice import ShiftedLattice
+from rsibr.baking.view import bake_view
 from rsibr.geometry.frame import view_frame
 from rsibr.lobes.bsdf_eval import RETRO_RATIO, retro_ratio
 from rsibr.methods.warp_blend.blend import nearest_mix

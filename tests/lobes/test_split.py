@@ -5,9 +5,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.baking.baker import bake_view
 from rsibr.baking.blocks import block_sizes
 from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.view import bake_view
 from rsibr.geometry.frame import view_frame
 from rsibr.lobes.albedo import NODES, node_cosines
 from rsibr.lobes.basis import LAMBERT, ggx

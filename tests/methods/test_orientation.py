@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rsibr.baking.baker import bake_view
 from rsibr.baking.blocks import block_sizes
 from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.view import bake_view
 from rsibr.geometry.frame import view_frame
 from rsibr.methods.method_set import MethodSet
 from rsibr.scene.config import EnvironmentConfig, MaterialConfig

@@ -11,11 +11,11 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from rsibr.baking.baker import bake_view
 from rsibr.baking.blocks import Blocks
 from rsibr.baking.integrator import SphereIntegrator
 from rsibr.baking.noise_pilot import NoisePilot
 from rsibr.baking.pilot import sampling_ratio
+from rsibr.baking.view import bake_view
 from rsibr.geometry.frame import view_frame
 from rsibr.validation.lobe_reference import LobeReference
 from rsibr.validation.reference import ReferenceRenderer

@@ -9,9 +9,10 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from rsibr.baking.baker import bake, bake_view
+from rsibr.baking.baker import bake
 from rsibr.baking.blocks import Blocks
 from rsibr.baking.integrator import SphereIntegrator
+from rsibr.baking.view import bake_view
 from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rsibr.baking import baker
+from rsibr.baking import view
 from rsibr.baking.baker import bake
 from rsibr.errors import BakeError
 from rsibr.geometry.frame import view_frame
@@ -212,9 +212,9 @@ def test_a_killed_bake_ends_with_the_same_files(bakes, config, tmp_path, monkeyp
             raise KeyboardInterrupt
         return whole(*arguments, index=index, **options)
 
-    whole = baker.bake_view
+    whole = view.bake_view
     with monkeypatch.context() as killed:
-        killed.setattr(baker, "bake_view", dying)
+        killed.setattr(view, "bake_view", dying)
         with pytest.raises(KeyboardInterrupt):
             bake(config, out=tmp_path / "b")
     resumed = bake(config, out=tmp_path / "b")

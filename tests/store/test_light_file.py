@@ -9,7 +9,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from rsibr.baking import baker
+from rsibr.baking import view
 from rsibr.baking.baker import bake
 from rsibr.errors import BakeError
 from rsibr.light.delta_lights import DeltaLights
@@ -19,7 +19,8 @@ from rsibr.light.radiance import Light
 from rsibr.lobes.proxy_ratio import NODES
 from rsibr.scene.orientation import rotation_about_y
 from rsibr.store.bake import BakeWriter, open_bake
-from rsibr.store.light_file import LIGHT_NAME, decode_light, encode_light, is_negative
+from rsibr.store.light_file import decode_light, encode_light, is_negative
+from rsibr.store.manifest import LIGHT_NAME
 from tests.store.synthetic import COUNT, SECONDS, baked, content, manifest
 from tests.store.test_store import damages
 
@@ -244,7 +245,7 @@ def test_a_bake_that_goes_on_makes_no_second_light(config, tmp_path, monkeypatch
         raise KeyboardInterrupt
 
     with monkeypatch.context() as killed:
-        killed.setattr(baker, "bake_view", dying)
+        killed.setattr(view, "bake_view", dying)
         with pytest.raises(KeyboardInterrupt):
             bake(config, out=tmp_path / "b.rsibr")
     with pytest.raises(BakeError, match=r"0 of \d+ views"):

@@ -40,7 +40,7 @@ def check(bake: Bake | Path | str, *, out: Path | str | None = None) -> Health:
     >>> health.trusted, health.warnings               # doctest: +SKIP
     (True, 0)
     """
-    opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
+    opened = open_bake(bake.path if isinstance(bake, Bake) else Path(bake), rehash=True)
     if opened.manifest.light is not None:
         _ = opened.light  # a light that cannot be decoded is an error, as a map is
     health = assess(opened, [view for _, view in novel_views(opened, DEFAULT_VIEWS)])
