@@ -23,6 +23,8 @@ from rsibr.version import __version__
 if TYPE_CHECKING:
     from rsibr.budget.bake import bake as bake
     from rsibr.budget.bake import plan as plan
+    from rsibr.capture.maps.imported import import_maps as import_maps
+    from rsibr.capture.maps.photographed import capture_maps as capture_maps
     from rsibr.lobes.albedo import node_cosines as node_cosines
     from rsibr.methods.method_set import MethodSet as MethodSet
     from rsibr.methods.protocol import Method as Method
@@ -51,9 +53,11 @@ _HOME = {
     "MethodSet": "rsibr.methods.method_set",
     "PointwiseMethod": "rsibr.methods.protocol",
     "bake": "rsibr.budget.bake",
+    "capture_maps": "rsibr.capture.maps.photographed",
     "check": "rsibr.validation.health.check",
     "compare": "rsibr.studies.compare.runner",
     "configs": "rsibr.resources",
+    "import_maps": "rsibr.capture.maps.imported",
     "load_config": "rsibr.scene.config",
     "method_names": "rsibr.methods.registry",
     "node_cosines": "rsibr.lobes.albedo",
@@ -87,9 +91,11 @@ __all__ = [
     "PointwiseMethod",
     "__version__",
     "bake",
+    "capture_maps",
     "check",
     "compare",
     "configs",
+    "import_maps",
     "load_config",
     "method_names",
     "metrics",

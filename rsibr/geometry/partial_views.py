@@ -290,8 +290,10 @@ def covers(directions: Array, triangles: Indices, views: Array) -> NDArray[np.bo
     """Whether directions lie in a triangle, or within `NEAR_DEG` of an edge between neighbours; shape (n,)."""
     inside = np.zeros(len(views), dtype=np.bool_)
     for a, b, c in directions[triangles]:
-        inside |= (views @ np.cross(a, b) >= _INSIDE) & (views @ np.cross(b, c) >= _INSIDE) & (
-            views @ np.cross(c, a) >= _INSIDE
+        inside |= (
+            (views @ np.cross(a, b) >= _INSIDE)
+            & (views @ np.cross(b, c) >= _INSIDE)
+            & (views @ np.cross(c, a) >= _INSIDE)
         )
     least = np.cos(np.radians(NEAR_DEG))
     for a, b in directions[edges_of(directions, triangles)]:

@@ -80,7 +80,9 @@ class Viewpoints:
     def covers(self, views: ArrayLike) -> NDArray[np.bool_]:
         """Whether unit directions, shape (n, 3), lie between stored views; see `rsibr.geometry.partial_views.covers`."""
         asked = np.atleast_2d(np.asarray(views, dtype=np.float64))
-        return covers(self.directions, self.triangles, asked) if self.is_partial else np.ones(len(asked), dtype=np.bool_)
+        return (
+            covers(self.directions, self.triangles, asked) if self.is_partial else np.ones(len(asked), dtype=np.bool_)
+        )
 
     @cached_property
     def on_device(self) -> Sphere:
@@ -252,9 +254,7 @@ def from_directions(directions: ArrayLike, triangles: ArrayLike | None = None) -
     return Viewpoints(vertices, faces)
 
 
-def partial_views(
-    directions: ArrayLike, triangles: ArrayLike | None = None, *, gap_deg: float = GAP_DEG
-) -> Viewpoints:
+def partial_views(directions: ArrayLike, triangles: ArrayLike | None = None, *, gap_deg: float = GAP_DEG) -> Viewpoints:
     """Views in given directions, which need not surround the sphere.
 
     Parameters

@@ -78,4 +78,6 @@ def _text(file: Path) -> str:
     try:
         return read_regular(file).decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read ({error})", where=str(file), fix="name the folder of COLMAP's text files") from None
+        raise InputError(
+            f"cannot be read ({error})", where=str(file), fix="name the folder of COLMAP's text files"
+        ) from None

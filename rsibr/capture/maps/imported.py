@@ -94,7 +94,9 @@ def import_maps(
     covered = _covered(coverage, count, resolution)
     spread = None if variance is None else _images(variance, "variance")
     if spread is not None and spread.shape != images.shape:
-        raise InputError(f"of shape {spread.shape}, not {images.shape}", where="variance", fix="give one for each texel")
+        raise InputError(
+            f"of shape {spread.shape}, not {images.shape}", where="variance", fix="give one for each texel"
+        )
     noise = np.stack([pixel_variance(image) for image in images]) if spread is None else spread
     made = [_map(*parts) for parts in zip(images, noise, covered, frames, strict=True)]
     viewpoints = partial_views(frames[:, :, 2], triangles, gap_deg=gap_deg)

@@ -101,9 +101,7 @@ def capture_maps(
     capture = _record(made, viewpoints, rectify, gap_deg, resolution)
     place = None if light is None else Path(light)
     took = [one.seconds for one in made]
-    return stored(
-        Path(out), viewpoints, [one.map for one in made], capture, light=place, fresh=fresh, seconds=took
-    )
+    return stored(Path(out), viewpoints, [one.map for one in made], capture, light=place, fresh=fresh, seconds=took)
 
 
 def _maps(
@@ -134,7 +132,9 @@ def _record(
     notes = [*coverage_notes(viewpoints), *(one.note for one in made if one.note)]
     coarse = min(one.pixels for one in made)
     if coarse < _FEW_PIXELS:
-        notes.append(f"the sphere is {coarse * resolution:.0f} pixels wide in a photograph: fewer than {resolution} texels")
+        notes.append(
+            f"the sphere is {coarse * resolution:.0f} pixels wide in a photograph: fewer than {resolution} texels"
+        )
     saturated = sum(one.saturated for one in made)
     if saturated:
         notes.append(f"{saturated} texels hold saturated pixels: their radiance is a lower bound")

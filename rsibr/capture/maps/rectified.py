@@ -138,7 +138,9 @@ def _weights(
     return matrix, number / np.maximum(total, 1)
 
 
-def _places(ball: BallPhotograph, frame: Array, x: Array, y: Array, by: Rectification) -> tuple[Array, NDArray[np.bool_]]:
+def _places(
+    ball: BallPhotograph, frame: Array, x: Array, y: Array, by: Rectification
+) -> tuple[Array, NDArray[np.bool_]]:
     """Places of the photograph for points of the map, and whether it shows the sphere there, the guard apart."""
     to_world = mi.Matrix3f(frame.astype(np.float32))
     n = normal_from_disk(mi.Point2f(x.astype(np.float32), y.astype(np.float32)))

@@ -76,5 +76,7 @@ def coverage_notes(viewpoints: Viewpoints) -> list[str]:
         return [f"the views surround the sphere; the largest circumradius of their triangles is {largest:.1f}°"]
     if not len(viewpoints.triangles):
         return ["no three views are neighbours: they cover arcs between them and nothing else; other views are flagged"]
-    covered = f"the views cover {viewpoints.covered:.0%} of the sphere, with triangles up to {largest:.1f}° of circumradius"
+    covered = (
+        f"the views cover {viewpoints.covered:.0%} of the sphere, with triangles up to {largest:.1f}° of circumradius"
+    )
     return [f"{covered}; beyond, the nearest stored views answer, and the result is flagged"]
