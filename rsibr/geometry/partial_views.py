@@ -7,6 +7,7 @@ continues, and ends at the nearest of them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import drjit as dr
@@ -19,7 +20,7 @@ from rsibr.geometry.spherical import Weights
 from rsibr.geometry.to_device import to_device
 
 GAP_DEG = 60.0
-"""Largest circumradius of a triangle that counts as covered; that of the icosahedron is 37.4°, of an octahedron 54.7°."""
+"""Largest circumradius of a triangle that counts as covered; an icosahedron has 37.4°, an octahedron 54.7°."""
 
 NEAR_DEG = 2.0
 """Angle from an edge between neighbours within which a direction counts as covered: a ring of views covers a band."""
@@ -29,6 +30,7 @@ _COINCIDE = 1e-6
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+BarycentricWeights = Callable[["mi.Vector3f", "mi.Vector3f", "mi.Vector3f", "mi.Vector3f"], Weights]
 
 
 @dataclass
@@ -78,7 +80,7 @@ class PartialSphere:
         held = dr.gather(mi.Vector3u, self.triangles, triangle)
         return dr.select(depth >= _INSIDE, held, mi.Vector3u(first, second, second))
 
-    def held(self, v: mi.Vector3f, weights: object) -> tuple[mi.Vector3u, Weights]:
+    def held(self, v: mi.Vector3f, weights: BarycentricWeights) -> tuple[mi.Vector3u, Weights]:
         """Views of the triangle or the edge that holds `v` or is nearest to it, and their shares.
 
         Parameters
@@ -93,10 +95,10 @@ class PartialSphere:
         inside = depth >= _INSIDE
         first, second = (dr.gather(mi.UInt32, self.edges, 2 * edge + end) for end in (0, 1))
         corners = dr.gather(mi.Vector3u, self.triangles, triangle)
-        within = weights(v, *(self.direction(corner) for corner in corners))  # type: ignore[operator]
+        within = weights(v, *(self.direction(corner) for corner in corners))
         beside = (1 - along, along, mi.Float(0))
         shares = tuple(dr.select(inside, a, b) for a, b in zip(within, beside, strict=True))
-        return dr.select(inside, corners, mi.Vector3u(first, second, second)), shares  # type: ignore[return-value]
+        return dr.select(inside, corners, mi.Vector3u(first, second, second)), shares
 
     def nearest(self, v: mi.Vector3f) -> mi.UInt32:
         """Index of the stored view nearest to `v`; the first of several at the same distance."""
@@ -134,7 +136,7 @@ class PartialSphere:
             share, near = _on_arc(v, a, b)
             nearer = near > cosine
             kept = (dr.select(nearer, x, y) for x, y in ((place, best), (share, along), (near, cosine)))
-            return place + 1, *kept  # type: ignore[return-value]
+            return place + 1, *kept
 
         _, best, along, cosine = dr.while_loop(
             state=(mi.UInt32(0), mi.UInt32(0), mi.Float(0), mi.Float(-2)),
@@ -220,7 +222,7 @@ def neighbourhoods(directions: Array, gap_deg: float = GAP_DEG) -> Indices:
     faces = faces[depth > np.cos(np.radians(gap_deg)) - 1e-9]
     turned = np.linalg.det(directions[faces]) < 0
     faces[turned] = faces[turned][:, ::-1]
-    return faces
+    return np.asarray(faces)
 
 
 def _flat(directions: Array) -> tuple[Indices, Array]:
@@ -240,7 +242,7 @@ def _flat(directions: Array) -> tuple[Indices, Array]:
 def circumradii(corners: Array) -> Array:
     """Radii [rad] of the caps around spherical triangles, shape (M, 3, 3) to (M,)."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    normal = np.cross(b - a, c - a)
+    normal: Array = np.cross(b - a, c - a)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     return np.asarray(np.arccos(np.clip((normal * a).sum(axis=1), -1, 1)))
 

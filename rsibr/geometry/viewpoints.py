@@ -78,7 +78,7 @@ class Viewpoints:
         return float(circumradii(self.directions[self.triangles]).max(initial=0.0))
 
     def covers(self, views: ArrayLike) -> NDArray[np.bool_]:
-        """Whether unit directions, shape (n, 3), lie between stored views; see `rsibr.geometry.partial_views.covers`."""
+        """Whether unit directions, shape (n, 3), lie between stored views; see `partial_views.covers`."""
         asked = np.atleast_2d(np.asarray(views, dtype=np.float64))
         return (
             covers(self.directions, self.triangles, asked) if self.is_partial else np.ones(len(asked), dtype=np.bool_)

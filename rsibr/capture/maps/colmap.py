@@ -69,7 +69,7 @@ def _cameras(file: Path) -> dict[int, tuple[int, int, np.ndarray, np.ndarray]]:
             raise InputError(f"camera {key} has the model {model}, with distortion", where=str(file), fix=_UNDISTORT)
         if len(values) != _FOCALS[model] + 2:
             raise InputError(f"camera {key} has {len(values)} parameters", where=str(file), fix=_UNDISTORT)
-        focal = np.array(values[:-2] if len(values) == 4 else values[:1] * 2)  # noqa: PLR2004
+        focal = np.array(values[:-2] if len(values) == 4 else values[:1] * 2)
         models[key] = (*size, focal, np.array(values[-2:]))
     return models
 

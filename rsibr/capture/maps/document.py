@@ -1,4 +1,4 @@
-"""`capture.json`: photographs of a painted sphere, with cameras and outlines, as a user or another program writes it."""
+"""`capture.json`: photographs of a painted sphere, with cameras and outlines, as a user or a program writes it."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class SphereDocument(_Part):
 
 
 class PhotographDocument(_Part):
-    """One view: `file`, a merged or a single photograph, or `shots`, a bracket; its camera; and the sphere's outline."""
+    """One view: `file`, a merged or single photograph, or `shots`, a bracket; its camera; and the sphere's outline."""
 
     file: str | None = None
     shots: tuple[ShotDocument, ...] = ()

@@ -122,7 +122,7 @@ def _images(values: ArrayLike, where: str) -> NDArray[np.float32]:
         found = np.asarray(values, dtype=np.float32)
     except (TypeError, ValueError):
         found = np.empty(0, dtype=np.float32)
-    if found.ndim != 4 or found.shape[1] != found.shape[2] or found.shape[3] != 3 or not len(found):  # noqa: PLR2004
+    if found.ndim != 4 or found.shape[1] != found.shape[2] or found.shape[3] != 3 or not len(found):
         raise InputError(f"of shape {found.shape}", where=where, fix="give (V, N, N, 3)")
     return found
 
@@ -174,7 +174,7 @@ def _turned(
     at = [(1 - from_y) * side / 2 - 0.5, (from_x + 1) * side / 2 - 0.5]
     seen = (covered > 0).astype(np.float64)
     weight = map_coordinates(seen, at, order=1, mode="nearest")
-    shown = weight > 0.5  # noqa: PLR2004
+    shown = weight > 0.5
 
     def looked_up(part: NDArray[np.float32]) -> NDArray[np.float32]:
         channels = [map_coordinates(part[..., k] * seen, at, order=1, mode="nearest") for k in range(3)]

@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
@@ -126,8 +125,8 @@ def _weights(
     y = 1 - 2 * (rows[:, None] + inner).ravel() / resolution
     x = 2 * (np.arange(resolution)[:, None] + inner).ravel() / resolution - 1
     x, y = (part.ravel() for part in np.meshgrid(x, y))
-    texel = np.arange(len(rows) * resolution).reshape(len(rows), 1, resolution, 1)
-    texel = np.broadcast_to(texel, (len(rows), side, resolution, side)).ravel()
+    number_of = np.arange(len(rows) * resolution).reshape(len(rows), 1, resolution, 1)
+    texel = np.broadcast_to(number_of, (len(rows), side, resolution, side)).ravel()
     inside = x * x + y * y < 1
     x, y, texel = x[inside], y[inside], texel[inside]
     place, sees = _places(ball, frame, x, y, by)

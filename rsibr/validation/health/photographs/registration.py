@@ -92,7 +92,7 @@ def registered(seen: Observed, view: int) -> Agreement:
 def _slope(field: Array, places: Array, axis: Array) -> Array:
     grid = grids()[0]
     ahead, behind = (grid.lookup(field, Rotation.from_rotvec(s * _STEP * axis).apply(places)) for s in (1, -1))
-    return (ahead - behind) / (2 * _STEP)
+    return np.asarray((ahead - behind) / (2 * _STEP))
 
 
 def _normal_equations(slopes: Array, rest: Array, weights: Array) -> tuple[Array, Array]:
@@ -101,7 +101,7 @@ def _normal_equations(slopes: Array, rest: Array, weights: Array) -> tuple[Array
 
 
 def _solve(matrix: Array, right: Array) -> Array:
-    return np.linalg.solve(matrix + (1e-9 * np.trace(matrix) + 1e-30) * np.eye(len(matrix)), right)
+    return np.asarray(np.linalg.solve(matrix + (1e-9 * np.trace(matrix) + 1e-30) * np.eye(len(matrix)), right))
 
 
 def _jackknife(slopes: Array, rest: Array, weights: Array, blocks: NDArray[np.int64]) -> Array:
