@@ -32,6 +32,7 @@ ALIKE = 0.4
 """Median correlation of the maps with the others below which poses cannot be judged: too little detail."""
 
 _BETTER = 0.25  # of the correlation, by which another orientation must fit better
+_DOUBTED = 0.75  # times the median correlation, below which other orientations are tried
 _STRANGE = 0.5  # times the median correlation, below which a map shows something else
 
 _TURNS: dict[str, Array] = {
@@ -138,18 +139,23 @@ def _wrongly_turned(
     common: Common,
     agreements: Sequence[Agreement],
 ) -> list[Suspect]:
-    """Maps that would fit the others much better upside down, or mirrored."""
-    areas, best = grids()[0].areas, [("", -1.0)] * len(maps)
-    fields = [of_the_others(seen, view) for view in range(len(maps))]
-    for name, turn in _TURNS.items():
-        other = observed(images, maps, common, detail=common == "reflection", turn=turn)
-        for view, (field, shown) in enumerate(fields):
-            use = other.known[view] & shown
-            alike = correlation(other.values[view, use], field[use], areas[use])
+    """Maps that would fit the others much better upside down, or mirrored; asked of those that fit badly."""
+    areas = grids()[0].areas
+    typical = float(np.median([one.correlation for one in agreements]))
+    doubted = [view for view, one in enumerate(agreements) if one.correlation < _DOUBTED * typical]
+    best = {view: ("", -1.0) for view in doubted}
+    fields = {view: of_the_others(seen, view) for view in doubted}
+    for name, turn in _TURNS.items() if doubted else ():
+        some = [images[view] for view in doubted], [maps[view] for view in doubted]
+        other = observed(*some, common, detail=common == "reflection", turn=turn)
+        for place, view in enumerate(doubted):
+            field, shown = fields[view]
+            use = other.known[place] & shown
+            alike = correlation(other.values[place, use], field[use], areas[use])
             best[view] = max(best[view], (name, alike), key=lambda pair: pair[1])
     return [
         Suspect(view, names[view], "orientation", f"fits the others {how}", alike)
-        for view, (how, alike) in enumerate(best)
+        for view, (how, alike) in best.items()
         if alike > agreements[view].correlation + _BETTER
     ]
 
