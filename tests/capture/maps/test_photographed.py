@@ -111,7 +111,11 @@ def test_a_wrong_document_is_refused_in_one_line(shots, tmp_path, name, values, 
 
 @pytest.mark.parametrize(
     ("name", "without", "what"),
-    [("pose", ("pose",), "too little"), ("shots", ("shots",), "neither a file nor shots"), ("mask", ("mask",), "where")],
+    [
+        ("pose", ("pose",), "too little"),
+        ("shots", ("shots",), "neither a file nor shots"),
+        ("mask", ("mask",), "where"),
+    ],
 )
 def test_a_photograph_without_what_is_needed_is_refused(shots, tmp_path, name, without, what):
     file = changed(shots, f"without_{name}", sphere=None, photographs=photographs(shots, without))

@@ -92,7 +92,9 @@ def test_a_map_from_a_photograph_is_the_map_rendered_directly(paint, by):
     """Target: relMSE below .006 within .9 of the radius at 20 radii. Measured: .0031, .0028, .0017."""
     ball, _ = photographed(courtyard(), named_ball(paint), framed(VIEW, 20, 400), samples=36)
     found = rectified(ball, 96, by).map
-    truth = ReferenceRenderer(courtyard(), load_material(MaterialConfig(preset=paint)), 96).render(found.frame, 512).mean
+    truth = (
+        ReferenceRenderer(courtyard(), load_material(MaterialConfig(preset=paint)), 96).render(found.frame, 512).mean
+    )
     within = radii(96) < 0.9
     assert (found.coverage[within] > 0).all()
     a, b = found.radiance[within].astype(float), truth[within].astype(float)

@@ -24,7 +24,7 @@ LEAST_VIEWS = 6
 STOPS = 0.5
 """Exposure against the others beyond which a map is misexposed; that of no sound one in the closed loop exceeds .3."""
 
-DEGREES, ERRORS, TYPICAL = 1.3, 6.0, 2.5
+DEGREES, ERRORS, TYPICAL = 1.3, 8.0, 2.5
 """A map is mis-posed if a rotation by more degrees than these would make it agree with the others, by more of its
 standard errors than these, and by more times the median of all maps: rough paint biases them all."""
 
