@@ -122,13 +122,16 @@ def test_every_command_has_the_options_it_is_shown_with(page):
             assert set(words[:1]) <= {"--version", "--help", "--install-completion", "--show-completion"}, words
             continue
         assert words[0] in COMMANDS, words
-        known = options_of(words[0]) | {"--help"}
+        known = options_of(*words[:2]) | {"--help"}
         given = {word.split("=")[0] for word in words[1:] if word.startswith("--")}
         assert given <= known, f"{words}: {given - known}"
 
 
-def options_of(command: str) -> set[str]:
-    names = (name for parameter in COMMANDS[command].params for name in (*parameter.opts, *parameter.secondary_opts))
+def options_of(command: str, subcommand: str = "") -> set[str]:
+    """Options of a command, or of a subcommand where the command is a group."""
+    found = COMMANDS[command]
+    found = getattr(found, "commands", {}).get(subcommand, found)
+    names = (name for parameter in found.params for name in (*parameter.opts, *parameter.secondary_opts))
     return {name for name in names if name.startswith("--")}
 
 
