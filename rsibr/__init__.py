@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from rsibr.capture.hdr import capture_hdr as capture_hdr
     from rsibr.capture.lamps.lamp import Lamp as Lamp
     from rsibr.capture.lamps.lamp import point_lamp as point_lamp
+    from rsibr.capture.maps.imported import import_maps as import_maps
+    from rsibr.capture.maps.photographed import capture_maps as capture_maps
     from rsibr.capture.painted import capture_painted as capture_painted
     from rsibr.capture.six_images import capture_six as capture_six
     from rsibr.capture.sun import capture_sun as capture_sun
@@ -70,6 +72,7 @@ _HOME = {
     "capture_ball": "rsibr.capture.ball",
     "capture_hdr": "rsibr.capture.hdr",
     "capture_light": "rsibr.capture.added_lamps",
+    "capture_maps": "rsibr.capture.maps.photographed",
     "capture_painted": "rsibr.capture.painted",
     "capture_six": "rsibr.capture.six_images",
     "capture_sun": "rsibr.capture.sun",
@@ -77,6 +80,7 @@ _HOME = {
     "check": "rsibr.validation.health.check",
     "compare": "rsibr.studies.compare.runner",
     "configs": "rsibr.resources",
+    "import_maps": "rsibr.capture.maps.imported",
     "load_config": "rsibr.scene.config",
     "method_names": "rsibr.methods.registry",
     "node_cosines": "rsibr.lobes.albedo",
@@ -119,6 +123,7 @@ __all__ = [
     "capture_ball",
     "capture_hdr",
     "capture_light",
+    "capture_maps",
     "capture_painted",
     "capture_six",
     "capture_sun",
@@ -126,6 +131,7 @@ __all__ = [
     "check",
     "compare",
     "configs",
+    "import_maps",
     "load_config",
     "method_names",
     "metrics",

@@ -15,9 +15,17 @@ def scene_of(bake: Bake) -> Scene:
     InputError
         If a file that the bake was made from is gone.
     BakeError
-        If environment or material have changed since the bake.
+        If environment or material have changed since the bake, or it was captured.
     """
+    require_rendered(bake)
     return require_unchanged(bake, Scene.prepare(bake.config))
+
+
+def require_rendered(bake: Bake) -> None:
+    """Raise a BakeError if the maps were captured: nobody knows the material, and no reference can be rendered."""
+    if bake.manifest.capture is not None:
+        what = "was captured: its material is not known, so that there is no reference to render"
+        raise BakeError(what, where=str(bake.path), fix="see `rsibr check`, which holds each map against the others")
 
 
 def require_unchanged(bake: Bake, scene: Scene) -> Scene:

@@ -12,7 +12,7 @@ from rsibr.cli.options import BakePath, Imports, Json, check_output_folder, impo
 from rsibr.errors import printable
 
 if TYPE_CHECKING:
-    from rsibr.validation.health.health import Finding, Health, Place
+    from rsibr.validation.health.health import CaptureHealth, Finding, Health, Place
 
 NAMED = 3
 """Maximum number of printed places of a kind; `health.json` holds more."""
@@ -54,13 +54,24 @@ def _lines(health: Health) -> Iterator[str]:
         yield f"warning: view {drift.view} has {drift.ratio:.3f} × the {drift.channel} radiance that the others predict"
     for view in health.above_light:
         yield f"warning: the mean radiance of view {view} exceeds the maximum of the environment"
-    if health.energy_note:
+    if health.capture is not None:
+        yield from _capture(health.capture)
+    if health.energy_note and health.capture is None:
         yield f"note: energy drift was not tested: {health.energy_note}"
     if health.clamp is not None:
         yield f"warning: samples above {health.clamp:g} were clamped: affected texels are too dark"
     yield f"median relative standard error {health.relative_error:.2g}, largest radiance {health.largest:.4g}"
     if health.near_singularity is not None:
         yield f"near the singularity of a source: {100 * health.near_singularity:.2g} % of a novel view's texels"
+
+
+def _capture(capture: CaptureHealth) -> Iterator[str]:
+    for one in capture.judgement.suspects:
+        yield f"warning: view {one.view} ({printable(one.name)}) {one.what}"
+    if capture.judgement.note:
+        yield f"note: {capture.judgement.note}"
+    yield from (f"note: {printable(one)}" for one in capture.notes)
+    yield f"captured: {capture.seen:.0%} of the texels were seen; variance by {capture.variance}"
 
 
 def _finding(finding: Finding) -> Iterator[str]:

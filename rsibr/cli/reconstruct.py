@@ -46,7 +46,7 @@ def reconstruct(
     from rsibr.store.image_kind import image_kind
 
     image_kind(out)
-    from rsibr.cli.console import note_non_finite
+    from rsibr.cli.console import note, note_non_finite
     from rsibr.geometry.frame import unit_view, view_frame
     from rsibr.methods.reconstruction import prepared, run
 
@@ -57,6 +57,8 @@ def reconstruct(
         result = run(made, frame, side)
         result.write(file)
         note_non_finite(result)
+        if not result.between_views:
+            note(f"{printable(file)}: the view lies outside the stored ones; the nearest of them answer")
         told.append(_record(result, file))
         if not json_output:
             typer.echo(
@@ -80,4 +82,4 @@ def _files(out: Path, count: int) -> Sequence[Path]:
 def _record(result: Reconstruction, file: Path) -> dict[str, Any]:
     times = {"seconds": result.seconds, "prepare_seconds": result.prepare_seconds}
     state = {"file": str(file), "view": result.view.tolist(), "method": result.method}
-    return state | times | {"resolution": len(result.image)}
+    return state | times | {"resolution": len(result.image), "between_views": result.between_views}

@@ -11,6 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr.errors import InputError
+from rsibr.geometry.partial_views import (
+    GAP_DEG,
+    PartialSphere,
+    check_triangles,
+    circumradii,
+    covers,
+    nearest_view,
+    neighbourhoods,
+)
 from rsibr.geometry.to_device import to_device
 from rsibr.geometry.triangle_grid import TriangleGrid
 
@@ -47,28 +56,45 @@ class Viewpoints:
         Unit directions from the surface to the viewer, in world coordinates, float64.
     triangles : ndarray, shape (M, 3)
         Indices into `directions`, counter-clockwise seen from outside.
+    is_partial : bool
+        Whether the triangles leave part of the sphere open: a capture from half a sphere, or from a ring.
     """
 
     directions: NDArray[np.float64]
     triangles: NDArray[np.int64]
+    is_partial: bool = False
 
     def __len__(self) -> int:
         return len(self.directions)
 
+    @property
+    def covered(self) -> float:
+        """Share of the sphere inside the triangles."""
+        return float(min(_solid_angles(self.directions[self.triangles]).sum() / (4 * np.pi), 1.0))
+
+    @property
+    def largest_circumradius(self) -> float:
+        """Largest distance of a direction inside a triangle from all views [rad]; 0 without triangles."""
+        return float(circumradii(self.directions[self.triangles]).max(initial=0.0))
+
+    def covers(self, views: ArrayLike) -> NDArray[np.bool_]:
+        """Whether unit directions, shape (n, 3), lie between stored views; see `partial_views.covers`."""
+        asked = np.atleast_2d(np.asarray(views, dtype=np.float64))
+        return (
+            covers(self.directions, self.triangles, asked) if self.is_partial else np.ones(len(asked), dtype=np.bool_)
+        )
+
     @cached_property
-    def on_device(self) -> ViewSphere:
+    def on_device(self) -> Sphere:
         """Copy on the device, for lookups in kernels."""
+        if self.is_partial:
+            return PartialSphere.of(self.directions, self.triangles)
         return ViewSphere(
             directions=to_device(mi.Float, self.directions.astype(np.float32)),
             triangles=to_device(mi.UInt32, self.triangles.astype(np.uint32)),
             grid=TriangleGrid.build(self.directions[self.triangles]),
             count=dr.opaque(mi.UInt32, len(self)),
         )
-
-    @property
-    def grid(self) -> TriangleGrid:
-        """Triangles by the cells of a grid, for point location, on the device."""
-        return self.on_device.grid
 
     def direction(self, index: mi.UInt32) -> mi.Vector3f:
         """See `ViewSphere.direction`."""
@@ -134,23 +160,11 @@ class ViewSphere:
         v : mi.Vector3f
             Unit directions, one a lane.
         """
-        best, best_cosine, candidate = mi.UInt32(0), mi.Float(-2), mi.UInt32(0)
-        count, directions = self.count, self.directions  # read outside: the loop body is traced
+        return nearest_view(self.directions, self.count, v)
 
-        def step(candidate: mi.UInt32, best: mi.UInt32, best_cosine: mi.Float) -> tuple[mi.UInt32, mi.UInt32, mi.Float]:
-            cosine = dr.dot(v, dr.gather(mi.Vector3f, directions, candidate))
-            nearer = cosine > best_cosine
-            best = dr.select(nearer, candidate, best)
-            return candidate + 1, best, dr.maximum(cosine, best_cosine)
 
-        _, best, _ = dr.while_loop(
-            state=(candidate, best, best_cosine),
-            cond=lambda candidate, _best, _cosine: candidate < count,
-            body=step,
-            labels=("candidate", "best", "best_cosine"),
-            label="nearest_view",
-        )
-        return best
+Sphere = ViewSphere | PartialSphere
+"""Stored views on the device, whether or not their triangles cover the sphere."""
 
 
 def witness(viewpoints: Viewpoints) -> Viewpoints:
@@ -240,13 +254,52 @@ def from_directions(directions: ArrayLike, triangles: ArrayLike | None = None) -
     return Viewpoints(vertices, faces)
 
 
-def _unit_directions(directions: ArrayLike) -> NDArray[np.float64]:
+def partial_views(directions: ArrayLike, triangles: ArrayLike | None = None, *, gap_deg: float = GAP_DEG) -> Viewpoints:
+    """Views in given directions, which need not surround the sphere.
+
+    Parameters
+    ----------
+    directions : array_like, shape (N, 3)
+        Directions of any positive length, N ≥ 1.
+    triangles : array_like, shape (M, 3), optional
+        Indices of the triangles between neighbours, counter-clockwise seen from outside. By default those of the
+        convex hull whose circumradius is at most `gap_deg`.
+    gap_deg : float
+        Largest circumradius of a triangle that is taken from the hull [degrees], up to 90.
+
+    Returns
+    -------
+    Viewpoints
+        As of `from_directions` where the triangles cover the sphere; otherwise partial: a direction outside of all
+        triangles is looked up at the nearest point of an edge between neighbours.
+
+    Raises
+    ------
+    InputError
+        If a direction is zero or not finite, two of them coincide, or the triangles do not fit.
+
+    Examples
+    --------
+    >>> ring = partial_views([[1, 0, 0], [0, 0, 1], [-1, 0, 0], [0, 0, -1]])
+    >>> len(ring.triangles), ring.covers([[0, 1, 0], [0.6, 0, 0.8]]).tolist()
+    (0, [False, True])
+    """
+    if not 0 < gap_deg <= 90:
+        raise InputError(f"a gap of {gap_deg:g}°", where="gap", fix="give up to 90 degrees")
+    vertices = _unit_directions(directions, least=1)
+    faces = neighbourhoods(vertices, gap_deg) if triangles is None else check_triangles(vertices, triangles)
+    whole = bool(np.isclose(_solid_angles(vertices[faces]).sum(), 4 * np.pi, rtol=1e-6))
+    return Viewpoints(vertices, faces, is_partial=not whole)
+
+
+def _unit_directions(directions: ArrayLike, least: int = 4) -> NDArray[np.float64]:
     try:
         vertices = np.asarray(directions, dtype=np.float64)
     except (TypeError, ValueError):
         vertices = np.empty(0)
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) < 4:
-        raise InputError("directions must be a list of at least four [x, y, z]", where="views")
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) < least:
+        number = "four" if least == 4 else str(least)
+        raise InputError(f"directions must be a list of at least {number} [x, y, z]", where="views")
     lengths = np.linalg.norm(vertices, axis=1)
     wrong = np.flatnonzero(~np.isfinite(lengths) | (lengths == 0))
     if len(wrong):

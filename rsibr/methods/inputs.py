@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
-from rsibr.geometry.viewpoints import Viewpoints, first_views, from_directions, icosphere
+from rsibr.geometry.viewpoints import Viewpoints, first_views, icosphere
 from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.light.radiance import Light
 from rsibr.lobes.gaussians import LobeShape
@@ -110,8 +110,7 @@ class MethodInputs:
     @shared
     def viewpoints(self) -> Viewpoints:
         """Stored directions and triangles; the icosahedron as a placeholder in a bake with a single map."""
-        bake = self.bake
-        return from_directions(bake.directions, bake.triangles) if bake.has_views else icosphere(0)
+        return self.bake.viewpoints if self.bake.has_views else icosphere(0)
 
     @shared
     def light(self) -> Light:

@@ -124,6 +124,12 @@ def require_served(method: Registration, bake: StoredMaps) -> None:
     where = str(bake.path)
     if fault := fault_of(bake.manifest, lambda: _should_shine(bake)):
         raise BakeError(fault, where=where, fix="see `rsibr check`, mend the material or the light, and bake anew")
+    if bake.manifest.capture is not None and not method.serves(bake):
+        raise BakeError(
+            f"it was captured, and '{method.name}' needs {_lacked(method, bake)}",
+            where=where,
+            fix=f"use one of: {', '.join(available(bake))}",
+        )
     if not method.sees_light_of(bake):
         raise BakeError(
             f"it is lit by a light without extent, which '{method.name}' does not see",
@@ -149,6 +155,17 @@ def require_served(method: Registration, bake: StoredMaps) -> None:
             where=where,
             fix="bake anew with --fresh",
         )
+
+
+def _lacked(method: Registration, bake: StoredMaps) -> str:
+    """What a capture does not know."""
+    light = method.needs.light and bake.manifest.light is None
+    parts = [
+        name
+        for name, is_lacking in (("the light", light), ("the lobes of the material", method.needs.lobes))
+        if is_lacking
+    ]
+    return " and ".join(parts) + ", which nobody measured" if parts else "another light"
 
 
 def _should_shine(bake: StoredMaps) -> bool:

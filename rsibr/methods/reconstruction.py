@@ -14,6 +14,7 @@ from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.geometry.frame import unit_view, view_frame
 from rsibr.geometry.projections.sphere_map import texel_coverage
+from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.job_size import JobSize
 from rsibr.late import late
 from rsibr.machine import make_folder
@@ -50,6 +51,8 @@ class Reconstruction:
         of a process.
     prepare_seconds : float
         Wall time of the method's preparation, such as decoding maps and computing residuals [s]; spent once per bake.
+    between_views : bool
+        Whether the view lies between stored ones; false only for a capture that does not surround the sphere.
     """
 
     view: NDArray[np.float64]
@@ -59,6 +62,7 @@ class Reconstruction:
     method: str
     seconds: float
     prepare_seconds: float = 0.0
+    between_views: bool = True
 
     def __repr__(self) -> str:
         x, y, z = self.view
@@ -188,6 +192,7 @@ def run(method: Method, frame: NDArray[np.float64], resolution: int) -> Reconstr
     coverage = texel_coverage(resolution)
     image = np.where(coverage[..., None] > 0, radiance.numpy()[..., :3], np.float32(0))
     preparing = method.cost.prepare_seconds - before
-    return Reconstruction(
-        frame[:, 2].copy(), frame, image, coverage, method.name, seconds - preparing, method.cost.prepare_seconds
-    )
+    views = getattr(method, "viewpoints", None)
+    between = not isinstance(views, Viewpoints) or bool(views.covers(frame[:, 2]).all())
+    spent, prepare_seconds = seconds - preparing, method.cost.prepare_seconds
+    return Reconstruction(frame[:, 2].copy(), frame, image, coverage, method.name, spent, prepare_seconds, between)

@@ -17,6 +17,7 @@ from rsibr.lobes.albedo import NODES
 from rsibr.lobes.basis import COATED_FROM, LAMBERT, PLAIN_FROM
 from rsibr.lobes.split import MIRROR
 from rsibr.scene.config import Config, parse_config
+from rsibr.store.capture import check_capture
 from rsibr.store.manifest import LobeRecord, Manifest, ProxyRecord, ShapeRecord
 
 BAKE_ANEW = "bake anew with --fresh"
@@ -38,6 +39,9 @@ def check_manifest(manifest: Manifest, where: Path) -> None:
         In one line, with the first part that does not fit.
     """
     try:
+        if manifest.capture is not None:
+            check_capture(manifest)
+            return
         config = _config_of(manifest)
         _check_views(manifest, config)
         _check_resolution(manifest, config)

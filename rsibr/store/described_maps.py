@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.backend import Rendering
+from rsibr.geometry.viewpoints import Viewpoints, from_directions, partial_views
 from rsibr.light.radiance import Light
 from rsibr.store.manifest import Manifest
 from rsibr.store.map_file import MapFile
@@ -44,8 +45,8 @@ class DescribedMaps:
 
     @property
     def has_views(self) -> bool:
-        """Whether the views cover the sphere; if all lobes are predicted from the environment, there is one view."""
-        return len(self.manifest.triangles) > 0
+        """Whether there are views to blend; if all lobes are predicted from the environment, there is one view."""
+        return len(self.manifest.triangles) > 0 or self.manifest.capture is not None
 
     @property
     def resolution(self) -> int:
@@ -80,6 +81,14 @@ class DescribedMaps:
         triangles = np.array(self.manifest.triangles, np.int64).reshape(-1, 3)
         triangles.setflags(write=False)
         return triangles
+
+    @cached_property
+    def viewpoints(self) -> Viewpoints:
+        """Directions and triangles, which need not cover the sphere in a capture."""
+        capture = self.manifest.capture
+        if capture is None:
+            return from_directions(self.directions, self.triangles)
+        return partial_views(self.directions, self.triangles, gap_deg=capture.gap_deg)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -70,13 +70,15 @@ class MapHealth:
         return HealthRecord(largest=self.largest, **counts)
 
 
-def map_health(map_file: MapFile) -> MapHealth:
+def map_health(map_file: MapFile, *, captured: bool = False) -> MapHealth:
     """Find the unreliable texels of a map.
 
     Parameters
     ----------
     map_file : MapFile
         The map; fireflies are found only if it has a variance.
+    captured : bool
+        Whether texels may be missing because no photograph shows them; then they are no holes.
 
     Returns
     -------
@@ -86,7 +88,8 @@ def map_health(map_file: MapFile) -> MapHealth:
     layers = np.stack(list(map_file.layers.values()))
     exact = _coverage(map_file.resolution)
     inside = exact > 0
-    hole = inside & ~(map_file.coverage >= 0.5 * exact)  # a NaN is a hole too
+    least = 0.0 if captured else 0.5
+    hole = inside & ~(map_file.coverage >= least * exact)  # a NaN is a hole too
     covered = inside & (map_file.coverage > 0)
     finite = np.isfinite(layers)
     sound = covered & finite.all(axis=(0, 3))

@@ -303,6 +303,45 @@ class BudgetRecord(Record):
     reached_seconds: Seconds | None = None
 
 
+class CaptureRecord(Record):
+    """Origin of maps that rsibr did not render: photographs, or maps of another renderer.
+
+    Attributes
+    ----------
+    source : {"photographs", "import"}
+        Where they come from.
+    names : tuple of str
+        Of each view: the file of its photograph, or what the import called it.
+    distances : tuple of float or None
+        From each camera to the sphere's centre, in its radii; None for maps seen from infinity.
+    rectified : {"reflection", "normal"}
+        What map and photograph have in common in a texel, and what views are compared by.
+    variance : {"photographs", "spread", "given"}
+        Of the texels: by the noise of merged exposures; by the spread of neighbouring pixels, an upper bound; or given.
+    seen : tuple of float
+        Share of the disk of each view that its photograph shows.
+    saturated : tuple of int
+        Texels of each view that hold radiance of which only a lower bound is known.
+    gap_deg : float
+        Largest circumradius of the triangles [degrees].
+    is_partial : bool
+        Whether the triangles leave part of the sphere of views open.
+    notes : tuple of str
+        What the one who made them was told.
+    """
+
+    source: Literal["photographs", "import"]
+    names: tuple[str, ...]
+    distances: tuple[Annotated[float, Field(gt=1.0)] | None, ...]
+    rectified: Literal["reflection", "normal"]
+    variance: Literal["photographs", "spread", "given"]
+    seen: tuple[Annotated[float, Field(ge=0.0, le=1.0)], ...]
+    saturated: tuple[Size, ...]
+    gap_deg: float = Field(gt=0.0, le=90.0)
+    is_partial: bool = False
+    notes: tuple[str, ...] = ()
+
+
 class ViewState(Record):
     """State of one view of the bake.
 
@@ -404,6 +443,8 @@ class Manifest(Record):
         Number and allocation of the samples; None in bakes older than this record.
     budget : BudgetRecord or None
         Budget of the whole bake; None without one.
+    capture : CaptureRecord or None
+        Origin of maps that rsibr did not render: the config is then empty, and no material is known. None otherwise.
     wall_seconds : float
         Wall time of all runs that came to an end [s]: start-up, loading, probes, compilation, views, light. That of a
         run that was killed is missing.
@@ -426,6 +467,7 @@ class Manifest(Record):
     plan: Plan | None = None
     sampling: SamplingRecord | None = None
     budget: BudgetRecord | None = None
+    capture: CaptureRecord | None = None
     wall_seconds: Seconds = 0.0
 
     @classmethod
@@ -445,6 +487,7 @@ class Manifest(Record):
         plan: Plan | None = None,
         sampling: SamplingRecord | None = None,
         budget: BudgetRecord | None = None,
+        capture: CaptureRecord | None = None,
     ) -> Manifest:
         """Manifest of a bake without finished views.
 
@@ -452,7 +495,7 @@ class Manifest(Record):
         ----------
         config, identity : mapping
             JSON data: dicts with string keys, lists, strings, finite numbers, booleans, None.
-        packages, variant, environment, material, resolution, plan, sampling, budget
+        packages, variant, environment, material, resolution, plan, sampling, budget, capture
             See the class.
         directions : array_like, shape (V, 3)
             Unit view vectors.
@@ -485,6 +528,7 @@ class Manifest(Record):
             plan=plan,
             sampling=sampling,
             budget=budget,
+            capture=capture,
         )
 
     @model_validator(mode="after")
@@ -530,7 +574,9 @@ class Manifest(Record):
 
     @property
     def samples(self) -> int:
-        """Samples a texel, on average; from the config in bakes older than `sampling`."""
+        """Samples a texel, on average; from the config in bakes older than `sampling`; 0 of a capture."""
+        if self.capture is not None:
+            return 0
         return self.sampling.samples if self.sampling else int(self.config["sampling"]["samples"])
 
     @property

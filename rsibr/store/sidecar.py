@@ -95,7 +95,7 @@ def store_view(bake: Path, manifest: Manifest, bits: str, index: int, map_file: 
         checksum(data),
         float(seconds),
         len(data),
-        map_health(map_file).record(),
+        map_health(map_file, captured=manifest.capture is not None).record(),
         noise if math.isfinite(noise) else None,
     )
     content = sealed(Sidecar(bits=bits, state=done).model_dump(mode="json"))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr.backend import Rendering
+from rsibr.geometry.viewpoints import Viewpoints
 from rsibr.light.radiance import Light
 from rsibr.store.manifest import Manifest
 from rsibr.store.map_file import MapFile
@@ -34,7 +35,7 @@ class StoredMaps(Protocol):
 
     @property
     def has_views(self) -> bool:
-        """Whether the views cover the sphere, with triangles between them."""
+        """Whether there are several views to blend, with triangles between them, or those of a capture."""
         ...
 
     @property
@@ -65,6 +66,11 @@ class StoredMaps(Protocol):
     @property
     def triangles(self) -> NDArray[np.int64]:
         """Triangulation of the directions, shape (M, 3)."""
+        ...
+
+    @property
+    def viewpoints(self) -> Viewpoints:
+        """Directions and triangles, which need not cover the sphere in a capture."""
         ...
 
     @property

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr import backend
-from rsibr.baking.baked_scene import require_unchanged
+from rsibr.baking.baked_scene import require_rendered, require_unchanged
 from rsibr.baking.scene import Scene
 from rsibr.errors import CheckFailed, InputError
 from rsibr.geometry.frame import unit_view, view_frame
@@ -116,6 +116,7 @@ def validate(
     """
     on_progress, on_forecast = backend.unlocked(on_progress), backend.unlocked(on_forecast)
     opened = bake if isinstance(bake, Bake) else open_bake(Path(bake))
+    require_rendered(opened)
     wanted = available(opened) if methods is None else methods
     names = [registration(name).name for name in dict.fromkeys(wanted)]
     if not names:
@@ -227,7 +228,7 @@ def _mean_radiance(maps: Sequence[MapFile]) -> float:
 
 
 def _seed(bake: Bake) -> int:
-    return int(bake.config["sampling"]["seed"])
+    return 0 if bake.manifest.capture is not None else int(bake.config["sampling"]["seed"])
 
 
 def _start(cost: Cost, compile_seconds: float) -> MethodStart:

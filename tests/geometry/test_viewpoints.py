@@ -55,7 +55,7 @@ def test_located_triangle_contains_the_direction(subdivision, rng):
     edges = views.directions[views.triangles[:, 0]] + views.directions[views.triangles[:, 1]]
     v = np.concatenate([unit_vectors(rng, 20_000), views.directions, edges])
     v = (v / np.linalg.norm(v, axis=1, keepdims=True)).astype(np.float32)
-    located = np.array(views.grid.locate(vector(v)))
+    located = np.array(views.on_device.grid.locate(vector(v)))
     assert least_barycentric(views, located, v.astype(np.float64)).min() > -2e-7
 
 
@@ -63,7 +63,7 @@ def test_located_triangle_is_the_one_that_brute_force_finds(rng):
     views, v = icosphere(2), unit_vectors(rng, 2000).astype(np.float32)
     all_depths = np.stack([least_barycentric(views, np.full(len(v), t), v.astype(float)) for t in range(320)])
     clear = np.sort(all_depths, axis=0)[-1] > 1e-6  # on an edge both neighbours are right
-    assert np.array_equal(np.array(views.grid.locate(vector(v)))[clear], all_depths.argmax(axis=0)[clear])
+    assert np.array_equal(np.array(views.on_device.grid.locate(vector(v)))[clear], all_depths.argmax(axis=0)[clear])
 
 
 def test_nearest_view_is_the_one_that_brute_force_finds(rng):
@@ -76,7 +76,7 @@ def test_nearest_view_is_the_one_that_brute_force_finds(rng):
 def test_views_of_ones_own_take_the_convex_hull(rng):
     views = from_directions(7 * unit_vectors(rng, 30))
     v = unit_vectors(rng, 5000).astype(np.float32)
-    located = np.array(views.grid.locate(vector(v)))
+    located = np.array(views.on_device.grid.locate(vector(v)))
     assert least_barycentric(views, located, v.astype(np.float64)).min() > -2e-7
     corners = views.directions[views.triangles]
     assert (np.linalg.det(corners) > 0).all()

@@ -7,6 +7,7 @@ import typer
 from rsibr.cli.capture.ball import ball
 from rsibr.cli.capture.hdr import hdr
 from rsibr.cli.capture.light import light
+from rsibr.cli.capture.maps import maps
 from rsibr.cli.capture.painted import painted
 from rsibr.cli.capture.six import six
 from rsibr.cli.capture.sun import sun
@@ -16,10 +17,10 @@ from rsibr.cli.commands import Command, Commands
 capture = typer.Typer(
     name="capture",
     cls=Commands,
-    help="Make environments of photographs, renders and paintings.",
+    help="Make environments and bakes of photographs, renders and paintings.",
     rich_markup_mode=None,
 )
-for command in (hdr, ball, sun, six, light, painted, synth):
+for command in (hdr, ball, sun, six, light, painted, maps, synth):
     capture.command(cls=Command)(command)
 
 

@@ -15,7 +15,7 @@ import mitsuba as mi
 
 from rsibr.geometry.frame import frame_of
 from rsibr.geometry.spherical import gnomonic_weights
-from rsibr.geometry.viewpoints import ViewSphere, icosphere
+from rsibr.geometry.viewpoints import Sphere, icosphere
 from rsibr.light.environment_pyramid import EnvironmentPyramid
 from rsibr.methods.frozen import Frozen
 from rsibr.methods.rsibr.half_vector_pyramid import HalfVectorPyramid
@@ -34,7 +34,7 @@ class ViewNodes:
 
     Attributes
     ----------
-    sphere : ViewSphere
+    sphere : Sphere
         View nodes.
     light : mi.Float
         Mean light [W sr⁻¹ m⁻²] for each view node and each normal of its polar grid, RGB0, flat (eq. 36).
@@ -42,7 +42,7 @@ class ViewNodes:
         The Gaussians.
     """
 
-    sphere: ViewSphere
+    sphere: Sphere
     light: mi.Float
     wide: WideLight
 
@@ -52,7 +52,7 @@ class ViewNodes:
         views = icosphere(SUBDIVISION)
         sphere, light = views.on_device, dr.zeros(mi.Float, 4 * NODES * len(views))
 
-        def nodes(wide: WideLight, environment: EnvironmentPyramid, sphere: ViewSphere, view: mi.UInt32) -> mi.Float:
+        def nodes(wide: WideLight, environment: EnvironmentPyramid, sphere: Sphere, view: mi.UInt32) -> mi.Float:
             frame = frame_of(sphere.direction(view))
             dr.eval(frame)
             return wide.grid(HalfVectorPyramid.of(frame, environment)).nodes

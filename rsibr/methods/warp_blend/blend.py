@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import mitsuba as mi
 
+from rsibr.geometry.partial_views import PartialSphere
 from rsibr.geometry.spherical import Weights, area_weights, gnomonic_weights
-from rsibr.geometry.viewpoints import ViewSphere
+from rsibr.geometry.viewpoints import Sphere
 from rsibr.methods.warp_blend.source_maps import SourceMaps, StoredView
 
 
@@ -28,7 +29,7 @@ class Mixture:
     weights: list[mi.Float]
 
 
-Mix = Callable[[ViewSphere, SourceMaps, "mi.Vector3f"], Mixture]
+Mix = Callable[[Sphere, SourceMaps, "mi.Vector3f"], Mixture]
 """(stored directions, maps, view directions) → mixture of stored views for each direction."""
 
 
@@ -36,7 +37,7 @@ WEIGHTS = {"area": area_weights, "gnomonic": gnomonic_weights}
 """Barycentric weights in a spherical triangle, by name."""
 
 
-def nearest_mix(sphere: ViewSphere, sources: SourceMaps, v: mi.Vector3f) -> Mixture:
+def nearest_mix(sphere: Sphere, sources: SourceMaps, v: mi.Vector3f) -> Mixture:
     """Select the stored view nearest to each direction."""
     return Mixture([sources.view(sphere.nearest(v))], [mi.Float(1)])
 
@@ -44,7 +45,10 @@ def nearest_mix(sphere: ViewSphere, sources: SourceMaps, v: mi.Vector3f) -> Mixt
 def triangle_mix(weights: Callable[[mi.Vector3f, mi.Vector3f, mi.Vector3f, mi.Vector3f], Weights]) -> Mix:
     """Select the three stored views around each direction, with `weights`; Cabral et al. (1999), section 3.4."""
 
-    def mix(sphere: ViewSphere, sources: SourceMaps, v: mi.Vector3f) -> Mixture:
+    def mix(sphere: Sphere, sources: SourceMaps, v: mi.Vector3f) -> Mixture:
+        if isinstance(sphere, PartialSphere):
+            held, shares = sphere.held(v, weights)
+            return Mixture([sources.view(index) for index in held], list(shares))
         views = [sources.view(index) for index in sphere.surrounding(v)]
         return Mixture(views, list(weights(v, *(view.v for view in views))))
 

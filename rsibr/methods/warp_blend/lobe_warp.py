@@ -16,7 +16,7 @@ from rsibr import backend
 from rsibr.geometry.frame import frame_of
 from rsibr.geometry.projections.sphere_map import normal_from_disk, texel_centre, tiled_texels
 from rsibr.geometry.spherical import gnomonic_weights
-from rsibr.geometry.viewpoints import ViewSphere
+from rsibr.geometry.viewpoints import Sphere
 from rsibr.methods.inputs import MethodInputs
 from rsibr.methods.lobe_albedo import LobeAlbedo
 from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
@@ -99,13 +99,13 @@ class LobeGroup:
 
     Attributes
     ----------
-    sphere : ViewSphere
+    sphere : Sphere
         Views that store them.
     lobes : list of LobeMaps
         At least one.
     """
 
-    sphere: ViewSphere
+    sphere: Sphere
     lobes: list[LobeMaps]
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.geometry.frame import frame_of
 from rsibr.geometry.projections.sphere_map import normal_from_disk, texel_centre, tiled_texels, within_disk
-from rsibr.geometry.viewpoints import Viewpoints, ViewSphere
+from rsibr.geometry.viewpoints import Sphere, Viewpoints
 from rsibr.methods.frozen import Frozen
 from rsibr.methods.map_texels import as_rgba, frame_from, laid_out, touches_disk, view_of
 from rsibr.methods.protocol import FREE, Cost
@@ -52,7 +52,7 @@ class WarpBlend:
     sources: SourceMaps
     mix: Mix
     warp: WarpBetween
-    _sphere: ViewSphere = field(init=False, repr=False)
+    _sphere: Sphere = field(init=False, repr=False)
     _frozen: Frozen = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.errors import InputError
-from rsibr.geometry.viewpoints import from_directions
 from rsibr.scene.config import config_of
 from rsibr.scene.environment import Environment, load_environment
 from rsibr.scene.python_plugins import load_plugins
@@ -21,6 +21,7 @@ from rsibr.store.bake import Bake
 from rsibr.store.health import MapHealth, map_health
 from rsibr.store.map_file import MapFile
 from rsibr.validation.health.energy import ERRORS, Drift, MapMeans, drifting_views, mean_of_map
+from rsibr.validation.health.photographs.judgement import Judgement, judged
 from rsibr.validation.report.pictures import RELATIVE_ERROR, Rgba, false_colour, outlined
 from rsibr.validation.singularity import near_singularity
 
@@ -112,6 +113,34 @@ class Finding:
         )
 
 
+@dataclass(frozen=True)
+class CaptureHealth:
+    """Health of a capture.
+
+    Attributes
+    ----------
+    judgement : Judgement
+        Maps that do not fit the others.
+    covered : float
+        Share of the sphere of views that lies between stored ones.
+    largest_circumradius_deg : float
+        Largest distance of a view between stored ones from all of them.
+    seen : float
+        Share of the maps' texels that were seen.
+    variance : str
+        Where the variance comes from; see `CaptureRecord`.
+    notes : tuple of str
+        What was said when it was made.
+    """
+
+    judgement: Judgement
+    covered: float
+    largest_circumradius_deg: float
+    seen: float
+    variance: str
+    notes: tuple[str, ...]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Health:
     """Result of `rsibr check`.
@@ -138,6 +167,8 @@ class Health:
         See `rsibr.validation.singularity.near_singularity`; None for a bake that is warped by the normal.
     clamp : float or None
         `sampling.clamp` of the bake.
+    capture : CaptureHealth or None
+        What is said of a capture; None for a bake that was rendered.
     pictures : dict of int to ndarray, shape (N, N, 4), uint8
         Relative standard error of some views in false colour, with texels of findings outlined in the colours of
         `MARKS`.
@@ -154,6 +185,7 @@ class Health:
     energy_note: str
     near_singularity: float | None
     clamp: float | None
+    capture: CaptureHealth | None
     pictures: dict[int, Rgba]
 
     def __repr__(self) -> str:
@@ -169,7 +201,8 @@ class Health:
     def warnings(self) -> int:
         """Number of kinds of warnings: findings that do not make the maps unusable."""
         texels = sum(finding.texels > 0 for finding in self.findings.values() if finding.verdict == "warning")
-        return texels + bool(self.drifts) + bool(self.above_light) + (self.clamp is not None)
+        suspects = self.capture is not None and bool(self.capture.judgement.suspects)
+        return texels + bool(self.drifts) + bool(self.above_light) + (self.clamp is not None) + suspects
 
 
 def assess(
@@ -203,7 +236,10 @@ def assess(
     are counts, not statistical tests.
     """
     backend.use()
-    survey = _Survey(map(bake.map, range(bake.view_count)) if maps is None else maps)
+    captured = bake.manifest.capture is not None
+    if captured and maps is None:
+        maps = [bake.map(index) for index in range(bake.view_count)]
+    survey = _Survey(map(bake.map, range(bake.view_count)) if maps is None else maps, captured=captured)
     drifts, above, note = _judge_energy(bake, survey.means, environment or partial(_environment_of, bake))
     return Health(
         bake=str(bake.path),
@@ -216,7 +252,8 @@ def assess(
         above_light=tuple(above),
         energy_note=note,
         near_singularity=_near_singularity(bake, views),
-        clamp=bake.config["sampling"].get("clamp"),
+        clamp=bake.config.get("sampling", {}).get("clamp"),
+        capture=_capture_health(bake, list(maps)) if captured and maps is not None else None,
         pictures=survey.pictures(),
     )
 
@@ -224,7 +261,8 @@ def assess(
 class _Survey:
     """Single pass over all maps of a bake."""
 
-    def __init__(self, maps: Iterable[MapFile]) -> None:
+    def __init__(self, maps: Iterable[MapFile], *, captured: bool = False) -> None:
+        self._captured = captured
         self.texels = 0
         self.largest = 0.0
         self.relative_errors: list[float] = []
@@ -248,7 +286,7 @@ class _Survey:
         return {view: picture for _, _, view, picture in worst}
 
     def _see(self, index: int, map_file: MapFile) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        seen = map_health(map_file)
+        seen = map_health(map_file, captured=self._captured)
         self.texels += int((map_file.coverage > 0).sum())
         self.largest = max(self.largest, seen.largest)
         self._note_noise(index, seen)
@@ -325,6 +363,8 @@ def _environment_of(bake: Bake) -> Environment:
 
 def _judge_energy(bake: Bake, means: MapMeans, load: Callable[[], Environment]) -> tuple[list[Drift], list[int], str]:
     """Drifting views, views brighter than the environment, and the reason if they could not be tested."""
+    if bake.manifest.capture is not None:
+        return [], [], "the maps were captured; each was held against the others instead"
     try:
         environment = load()
     except InputError as error:
@@ -347,4 +387,18 @@ def _brightest(environment: Environment) -> NDArray[np.float64] | None:
 def _near_singularity(bake: Bake, views: Sequence[NDArray[np.float64]]) -> float | None:
     if bake.manifest.material.warp != "mirror" or not bake.has_views or not len(views):
         return None
-    return near_singularity(from_directions(bake.directions, bake.triangles), views)
+    between = [view for view in views if bake.viewpoints.covers(view).all()]
+    return near_singularity(bake.viewpoints, between) if between else None
+
+
+def _capture_health(bake: Bake, maps: Sequence[MapFile]) -> CaptureHealth:
+    record, views = bake.manifest.capture, bake.viewpoints
+    assert record is not None
+    return CaptureHealth(
+        judged(maps, record.names, record.rectified),
+        views.covered,
+        math.degrees(views.largest_circumradius),
+        sum(record.seen) / len(record.seen),
+        record.variance,
+        record.notes,
+    )

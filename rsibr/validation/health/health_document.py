@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from rsibr.validation.health.health import Finding, Health
+from rsibr.validation.health.health import CaptureHealth, Finding, Health
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(ge=0)]
@@ -62,6 +62,35 @@ class DriftModel(_Model):
     p_value: Share = Field(description="two-sided p-value of this deviation")
 
 
+class SuspectModel(_Model):
+    """A map of a capture that does not fit the others."""
+
+    view: int
+    name: str = Field(description="its photograph")
+    fault: Literal["orientation", "exposure", "pose", "content"]
+    what: str
+    value: float = Field(description="stops, degrees, or correlation with the others")
+
+
+class CaptureModel(_Model):
+    """Maps that were captured, or made by another renderer."""
+
+    suspects: list[SuspectModel]
+    judgement_note: str = Field(description="what could not be judged; empty if everything was")
+    covered: Share = Field(description="share of the sphere of views that lies between stored ones")
+    largest_circumradius_deg: Positive = Field(description="largest distance of such a view from all stored ones")
+    seen: Share = Field(description="share of the texels that were seen")
+    variance: str = Field(description="photographs, spread or given: where the variance comes from")
+    notes: list[str]
+
+    @classmethod
+    def of(cls, capture: CaptureHealth) -> CaptureModel:
+        """Make the model of what is said of a capture."""
+        told = {key: value for key, value in vars(capture).items() if key != "judgement"}
+        suspects = [SuspectModel(**vars(one)) for one in capture.judgement.suspects]
+        return cls(**{**told, "notes": list(capture.notes)}, suspects=suspects, judgement_note=capture.judgement.note)
+
+
 class HealthModel(_Model):
     """Numerical health of the maps. `trusted` is false if a texel is NaN, Inf or missing."""
 
@@ -80,6 +109,8 @@ class HealthModel(_Model):
     )
     clamp: float | None = Field(description="sampling.clamp of the bake; clamped texels are too dark")
 
+    capture: CaptureModel | None = Field(None, description="of maps that were captured; null for those rendered")
+
     @classmethod
     def of(cls, health: Health) -> HealthModel:
         """Make the model of a health assessment."""
@@ -96,6 +127,7 @@ class HealthModel(_Model):
             energy_note=health.energy_note,
             near_singularity=health.near_singularity,
             clamp=health.clamp,
+            capture=None if health.capture is None else CaptureModel.of(health.capture),
         )
 
     def to_json(self) -> str:

@@ -146,8 +146,9 @@ def validate_object(
 def _truths(
     primary: PrimaryRays, bakes: dict[str, Bake], samples: int, buffers: int, on_step: Callable[[int], None]
 ) -> Truths:
+    prepared = prepared_scenes(bakes)
     seed = int(next(iter(bakes.values())).config["sampling"]["seed"])
-    truth = ObjectTruths(primary, bakes, prepared_scenes(bakes), samples, buffers, seed)
+    truth = ObjectTruths(primary, bakes, prepared, samples, buffers, seed)
 
     def made(step: int, make: Callable[[], Reference]) -> Reference:
         on_step(step)

@@ -1,0 +1,1 @@
+"""Sphere maps of photographs of a painted sphere, or of any other renderer, as a bake."""

@@ -1,0 +1,174 @@
+"""Faults of single maps of a capture: upside down or mirrored, misexposed, mis-posed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsibr.store.map_file import MapFile
+from rsibr.validation.health.photographs.exposures import exposures
+from rsibr.validation.health.photographs.observed import Common, Observed, logarithms, observed
+from rsibr.validation.health.photographs.registration import Agreement, correlation, of_the_others, registered
+from rsibr.validation.health.photographs.sphere_grid import grids
+
+Array = NDArray[np.float64]
+Fault = Literal["orientation", "exposure", "pose", "content"]
+
+LEAST_VIEWS = 6
+"""Views below which no photograph is judged by the others."""
+
+STOPS = 0.5
+"""Exposure against the others beyond which a map is misexposed; that of no sound one in the closed loop exceeds .3."""
+
+DEGREES, ERRORS, TYPICAL = 1.3, 8.0, 2.5
+"""A map is mis-posed if a rotation by more degrees than these would make it agree with the others, by more of its
+standard errors than these, and by more times the median of all maps: rough paint biases them all."""
+
+ALIKE = 0.4
+"""Median correlation of the maps with the others below which poses cannot be judged: too little detail."""
+
+_BETTER = 0.25  # of the correlation, by which another orientation must fit better
+_DOUBTED = 0.75  # times the median correlation, below which other orientations are tried
+_STRANGE = 0.5  # times the median correlation, below which a map shows something else
+
+_TURNS: dict[str, Array] = {
+    "upside down": -np.eye(2),
+    "mirrored left to right": np.diag([-1.0, 1.0]),
+    "mirrored top to bottom": np.diag([1.0, -1.0]),
+    "turned by a quarter": np.array([[0.0, -1.0], [1.0, 0.0]]),
+    "turned back by a quarter": np.array([[0.0, 1.0], [-1.0, 0.0]]),
+}
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """Map that does not fit the others.
+
+    Attributes
+    ----------
+    view : int
+        Index of the stored view.
+    name : str
+        Its photograph.
+    fault : {"orientation", "exposure", "pose", "content"}
+    what : str
+        In words.
+    value : float
+        Stops, degrees, or correlation with the others.
+    """
+
+    view: int
+    name: str
+    fault: Fault
+    what: str
+    value: float
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Result of `judged`.
+
+    Attributes
+    ----------
+    suspects : tuple of Suspect
+    note : str
+        What could not be judged, and why; empty if everything was.
+    """
+
+    suspects: tuple[Suspect, ...]
+    note: str
+
+
+def judged(maps: Sequence[MapFile], names: Sequence[str], common: Common) -> Judgement:
+    """Hold each map against all others.
+
+    Parameters
+    ----------
+    maps : sequence of MapFile
+        Maps of a capture.
+    names : sequence of str
+        Of their photographs.
+    common : {"reflection", "normal"}
+        What views share: the mirror direction, or the normal.
+
+    Returns
+    -------
+    Judgement
+
+    Notes
+    -----
+    Of 232 sound photographs of ten paints under four skies (12 to 16 uneven directions, D 10 to 50; the limits were
+    chosen by 157 of them) none is accused: below 1.3 % a photograph at 95 % confidence. Each of 36 that are upside down
+    and 36 misexposed by a stop is found, and 38 of 48 mis-posed by 2°: those missed are of a clear coat over a matte
+    base and of rough metal. The error of novel views does not see these faults.
+    """
+    if len(maps) < LEAST_VIEWS:
+        return Judgement((), f"photographs are judged by the others from {LEAST_VIEWS} on; there are {len(maps)}")
+    images = logarithms(maps)
+    whole = observed(images, maps, common, detail=False)
+    stops = exposures(whole, common)
+    level = replace(whole, values=whole.values - stops[:, None] * np.log(2))
+    seen = level if common == "normal" else observed(images, maps, common, detail=True)
+    agreements = [registered(seen, view) for view in range(len(maps))]
+    suspects = list(_misexposed(stops, names))
+    typical = float(np.median([one.correlation for one in agreements]))
+    if typical < ALIKE:
+        note = f"poses were not judged: the maps have too little detail in common (correlation {typical:.2f})"
+        return Judgement(tuple(suspects), note)
+    turned = _wrongly_turned(seen, images, maps, names, common, agreements)
+    accused = {one.view for one in turned}
+    moved = [one for one in _misposed(agreements, names, typical) if one.view not in accused]
+    return Judgement(tuple(sorted([*suspects, *turned, *moved], key=lambda one: one.view)), "")
+
+
+def _misexposed(stops: Array, names: Sequence[str]) -> list[Suspect]:
+    return [
+        Suspect(k, names[k], "exposure", f"exposed {stops[k]:+.2f} stops against the others", float(stops[k]))
+        for k in np.flatnonzero(np.abs(stops) > STOPS).tolist()
+    ]
+
+
+def _wrongly_turned(
+    seen: Observed,
+    images: Sequence[Array],
+    maps: Sequence[MapFile],
+    names: Sequence[str],
+    common: Common,
+    agreements: Sequence[Agreement],
+) -> list[Suspect]:
+    """Maps that would fit the others much better upside down, or mirrored; asked of those that fit badly."""
+    areas = grids()[0].areas
+    typical = float(np.median([one.correlation for one in agreements]))
+    doubted = [view for view, one in enumerate(agreements) if one.correlation < _DOUBTED * typical]
+    best = dict.fromkeys(doubted, ("", -1.0))
+    fields = {view: of_the_others(seen, view) for view in doubted}
+    for name, turn in _TURNS.items() if doubted else ():
+        some = [images[view] for view in doubted], [maps[view] for view in doubted]
+        other = observed(*some, common, detail=common == "reflection", turn=turn)
+        for place, view in enumerate(doubted):
+            field, shown = fields[view]
+            use = other.known[place] & shown
+            alike = correlation(other.values[place, use], field[use], areas[use])
+            best[view] = max(best[view], (name, alike), key=lambda pair: pair[1])
+    return [
+        Suspect(view, names[view], "orientation", f"fits the others {how}", alike)
+        for view, (how, alike) in best.items()
+        if alike > agreements[view].correlation + _BETTER
+    ]
+
+
+def _misposed(agreements: Sequence[Agreement], names: Sequence[str], typical: float) -> list[Suspect]:
+    usual = float(np.median([one.degrees for one in agreements]))
+    found = []
+    for view, one in enumerate(agreements):
+        if one.degrees > max(DEGREES, TYPICAL * usual) and one.degrees > ERRORS * one.error:
+            what = f"fits the others rotated by {one.degrees:.1f}°: its pose is wrong"
+            found.append(Suspect(view, names[view], "pose", what, one.degrees))
+        elif one.correlation < _STRANGE * typical:
+            what = f"shows something else than the others (correlation {one.correlation:.2f})"
+            found.append(Suspect(view, names[view], "content", what, one.correlation))
+    return found
