@@ -22,6 +22,27 @@ async () => {
 """
 """Wait for a context, at most five seconds; the page's own policy forbids what Playwright's waiting would need."""
 
+TWO_FRAMES = "async () => { for (let k = 0; k < 2; k++) await new Promise((next) => requestAnimationFrame(next)); }"
+
+HELD = """
+const held = new Promise((go) => { globalThis.release = go; });
+globalThis.rsibr = {};
+let Engine = null;
+Object.defineProperty(rsibr, "Engine", {
+  get: () => Engine,
+  set(given) {
+    const { prepare } = given.prototype;
+    given.prototype.prepare = async function (method, progress) {
+      progress(0);
+      await held;
+      return prepare.call(this, method, progress);
+    };
+    Engine = given;
+  },
+});
+"""
+"""Preparations wait for `release()`."""
+
 METHODS = ("nearest", "blend", "cabral1999")
 
 
@@ -187,7 +208,7 @@ def test_a_click_on_the_sphere_of_views_goes_to_a_stored_view(page):
     view = np.array(page.ask("() => rsibr.viewer.camera.view"))
     stored = np.array(page.ask("() => Array.from(rsibr.viewer.stage.engines[0].views)")).reshape(-1, 3)
     assert np.abs(stored - view).max(axis=1).min() < 1e-5
-    page.ask("() => rsibr.viewer.settled()")
+    page.ask(TWO_FRAMES)  # the click may have scrolled the picture out of sight
     assert page.page.input_value("#stored") != ""
 
 
@@ -205,6 +226,51 @@ def test_a_picture_out_of_sight_gives_its_context_back_and_stays(fresh):
     assert fresh.ask("() => rsibr.viewer.stage === null")
     fresh.ask("() => rsibr.viewer.reopen()")
     assert np.array_equal(fresh.pixels(), first)
+
+
+def test_out_of_sight_the_panel_goes_on_and_waiting_ends(fresh):
+    """On a low window the panel scrolls the picture away, which then gives its context back."""
+    first = fresh.pixels()
+    fresh.scroll("#stored-views")
+    assert not fresh.ask("() => rsibr.viewer.visible")
+    with pytest.raises(Exception, match="out of sight"):
+        fresh.ask("() => rsibr.viewer.settled()")
+    fresh.ask("() => rsibr.viewer.stage.gl.getExtension('WEBGL_lose_context').loseContext()")
+    fresh.page.select_option("#stored", "5")
+    fresh.ask(TWO_FRAMES)
+    assert fresh.page.inner_text("#triangle") == "view 5: 100 %"
+    assert fresh.page.input_value("#stored") == "5"
+    fresh.scroll("#frame")
+    moved = fresh.pixels()
+    assert np.abs(moved - first).max() > 8
+    fresh.home()
+    assert np.array_equal(fresh.pixels(), first)
+
+
+def test_a_context_that_cannot_be_had_ends_waiting_and_is_asked_for_by_a_button(fresh):
+    first = fresh.pixels()
+    fresh.ask("() => { HTMLCanvasElement.prototype.own = HTMLCanvasElement.prototype.getContext; }")
+    fresh.ask("() => { HTMLCanvasElement.prototype.getContext = () => null; rsibr.viewer.release(); }")
+    fresh.ask("() => rsibr.viewer.reopen()")
+    with pytest.raises(Exception, match="no graphics context"):
+        fresh.ask("() => rsibr.viewer.settled()")
+    fresh.ask("() => { HTMLCanvasElement.prototype.getContext = HTMLCanvasElement.prototype.own; }")
+    fresh.page.click("text=Try again")
+    assert np.array_equal(fresh.pixels(), first)
+
+
+def test_another_method_stands_in_until_one_is_prepared(browser, baked, tmp_path):
+    file = view(baked("rough-aluminium")).write(tmp_path / "page.html")
+    with viewer_page(browser, file, 640, 480, before=HELD, starts=False) as page:
+        page.ask("async () => { await rsibr.ready; }")
+        page.page.wait_for_selector("text=Preparing rsibr")
+        assert "cabral1999 is shown" in page.page.inner_text("#message")
+        assert page.page.locator("#still").is_hidden()
+        early = page.ask("() => rsibr.viewer.stage.engines[0].methods.filter((one) => rsibr.viewer.stage.isReady(one))")
+        assert early == ["nearest", "blend", "cabral1999"]
+        page.ask("() => release()")
+        page.pixels()
+        assert page.page.locator("#message").is_hidden()
 
 
 def test_without_webgl2_there_is_a_still_picture_and_a_reason(browser, exported):

@@ -36,7 +36,12 @@ rsibr.Stage = class {
 
   /** Whether a method can be drawn at once. */
   isReady(method) {
-    return this.prepared.has(method);
+    return this.prepared.has(method) || !this.engines.some((engine) => engine.prepares(method));
+  }
+
+  /** Method that stands in for those that are not prepared: the last one that needs no preparation, or null. */
+  get standIn() {
+    return this.methods.filter((name) => this.isReady(name)).pop() ?? null;
   }
 
   /** Work of a method before its first frame; the page stays alive meanwhile. */
