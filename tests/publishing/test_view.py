@@ -87,6 +87,15 @@ def test_references_come_back_from_a_report(tmp_path):
         assert np.allclose(one.frame, view_frame(judged.view), atol=1e-6)
 
 
+def test_what_makes_no_page_is_refused(baked, tmp_path):
+    bake = baked("rough-aluminium")
+    with pytest.raises(InputError, match="no object"):
+        view({"body": bake, "metal": bake})
+    with pytest.raises(InputError, match="no shape 'bonnet'"):
+        view({"bonnet": bake}, mesh="sphere")
+
+
+@pytest.mark.slow
 def test_what_is_no_validation_of_the_bake_is_refused(baked, tmp_path):
     bake = baked("rough-aluminium")
     with pytest.raises(InputError, match=r"no metrics\.json"):
@@ -96,15 +105,11 @@ def test_what_is_no_validation_of_the_bake_is_refused(baked, tmp_path):
     write_report(validation, tmp_path)
     with pytest.raises(InputError, match="another bake"):
         view(bake, reference=tmp_path)
-    with pytest.raises(InputError, match="no object"):
-        view({"body": bake, "metal": bake})
-    with pytest.raises(InputError, match="no shape 'bonnet'"):
-        view({"bonnet": bake}, mesh="sphere")
 
 
 def test_the_server_gives_its_page_and_nothing_else():
     with PageServer("<p>page</p>") as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
+        threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
         answers = [ask(server.server_port, *asked) for asked in (("/",), ("/etc/passwd",), ("/", "evil.example"))]
         server.shutdown()
         assert server.server_address[0] == "127.0.0.1"
@@ -165,6 +170,7 @@ def test_the_command_exports_and_serves_until_ctrl_c(baked, tmp_path):
     assert (status, page) == (200, file.read_bytes())
     served.send_signal(signal.SIGINT)
     assert served.wait(timeout=10) == 0
+    assert (served.stdout.read(), served.stderr.read()) == (b"", b"")
     wrong = subprocess.run([*command, "--export", str(tmp_path / "a.png")], capture_output=True, text=True, check=False)
     assert wrong.returncode == 2
     assert "--export" in wrong.stderr

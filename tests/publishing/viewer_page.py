@@ -54,10 +54,10 @@ class ViewerPage:
         self.page.evaluate(SCROLL, selector)
 
     def home(self) -> None:
-        """Picture in sight, first view, one method, linear tone."""
+        """Picture in sight, first view, one method and map, linear tone."""
         self.scroll("#frame")
         self.page.evaluate("() => rsibr.viewer.home()")
-        self.set(method="cabral1999", against="", wipe=0.5, tone="linear", show="picture", exposure=0, size=128)
+        self.set(method="cabral1999", against="", wipe=0.5, tone="linear", show="picture", exposure=0, size=128, lookup="map-reflection")
 
     def pixels(self) -> np.ndarray:
         """The picture, (H, W, 4), row 0 at the top."""

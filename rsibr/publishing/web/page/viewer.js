@@ -18,6 +18,7 @@ rsibr.Viewer = class {
     this.listeners = []; // called at every change
     this.moved = []; // called at every frame, with a picture or not
     this.drawn = []; // called after every picture
+    this.finished = 0; // when the GPU had finished the last frame
     this.losses = [];
     this.anew = 0; // timer of the next context
     this.isGivenUp = false; // contexts are asked for only when the user says so
@@ -244,7 +245,9 @@ rsibr.Viewer = class {
     if (!this.isAlive) return false;
     const [method, against = ""] = this.shownMethods.map((name) => this.standIn(name));
     if (method === null || against === null) return false;
-    this.stage.draw(this.camera, { ...this.state, method, against });
+    const shown = { ...this.state, method, against };
+    this.isFirst = this.stage.isFirst(shown);
+    this.stage.draw(this.camera, shown);
     this.elements.still.hidden = true;
     return true;
   }
@@ -294,10 +297,11 @@ rsibr.Viewer = class {
     } while (!isDone());
   }
 
-  /** Draw and show the time until the GPU has finished. */
+  /** Draw and show the time until the GPU has finished, from when it had finished the frame before. */
   timedDraw() {
     const { gl } = this.stage, begun = performance.now();
     if (!this.draw()) return;
+    const { isFirst } = this;
     this.drawn.forEach((act) => act());
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
@@ -306,7 +310,9 @@ rsibr.Viewer = class {
       const status = gl.clientWaitSync(fence, 0, 0);
       if (status === gl.TIMEOUT_EXPIRED) return void setTimeout(poll, 1);
       gl.deleteSync(fence);
-      this.elements.time(performance.now() - begun);
+      const now = performance.now();
+      this.elements.time(now - Math.max(begun, this.finished), isFirst);
+      this.finished = now;
     };
     setTimeout(poll, 0);
   }
