@@ -1,4 +1,4 @@
-"""What the page holds of an object, its server, its refusals, the command, and what notebooks show."""
+"""What the page holds of an object, its server, its refusals and the command."""
 
 import gzip
 import http.client
@@ -13,10 +13,8 @@ import numpy as np
 import pytest
 
 import rsibr
-from rsibr.errors import InputError, MachineError
+from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
-from rsibr.publishing.notebooks.cards import validation_card
-from rsibr.publishing.notebooks.plots import plot_validation
 from rsibr.publishing.page import object_mesh as page_mesh
 from rsibr.publishing.page import view
 from rsibr.publishing.page.server import PageServer
@@ -127,35 +125,6 @@ def ask(port, path, host=None):
 def test_a_port_that_is_taken_is_told():
     with PageServer("") as server, pytest.raises(InputError, match="cannot be used"):
         PageServer("", server.server_port)
-
-
-def test_results_are_tables_plots_and_cards(tmp_path, monkeypatch):
-    validation = small_validation()
-    frame = validation.to_dataframe()
-    assert list(frame["method"]) == ["nearest", "cabral1999", "perfect"] * 2
-    assert frame["rel_mse"][0] == pytest.approx(validation.views[0].methods["nearest"].error.rel_mse.value)
-    validation.to_csv(tmp_path / "errors.csv")
-    assert (tmp_path / "errors.csv").read_text() == validation.csv()
-    card = validation_card(validation)
-    assert "red &lt;paint&gt;" in card
-    assert card.count("<img") == 4
-    assert len(card) < 80_000
-    texts = [text.get_text() for text in plot_validation(validation).axes[0].get_legend().get_texts()]
-    assert texts == ["nearest", "cabral1999", "perfect"]
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(MachineError, match="pandas is not installed"):
-        validation.to_dataframe()
-
-
-def test_a_bake_shows_itself(baked):
-    bake = baked("rough-aluminium")
-    assert len(bake.show(most=4).axes) == 4
-    assert f"{bake.view_count} views of 32²" in bake._repr_html_()
-    made = rsibr.reconstruct(bake, (1, 2, 3), method="cabral1999")
-    assert "cabral1999" in made._repr_html_()
-    frame = bake.view(methods=["nearest"])._repr_html_()
-    assert frame.startswith('<iframe srcdoc="&lt;!doctype html&gt;')
-    assert frame.count("<") == 2  # all of the page lies within the attribute
 
 
 @pytest.mark.slow
