@@ -83,7 +83,7 @@ def test_a_study_of_errors_alone_has_no_plot_over_time(study, tmp_path):
 
 
 def test_the_card_of_a_study_tells_its_least_error(study):
-    card = study._repr_html_()
+    card = study._repr_html_().replace("\N{NO-BREAK SPACE}", " ")
     assert "Study samples &amp; &lt;bias&gt;" in card
     assert "1 scene · 8 points · measured in 1 min 10 s" in card
     cells = re.findall(r"<td>(.*?)</td>", card)

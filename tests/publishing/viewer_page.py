@@ -57,7 +57,8 @@ class ViewerPage:
         """Picture in sight, first view, one method and map, linear tone."""
         self.scroll("#frame")
         self.page.evaluate("() => rsibr.viewer.home()")
-        self.set(method="cabral1999", against="", wipe=0.5, tone="linear", show="picture", exposure=0, size=128, lookup="map-reflection")
+        maps = {"method": "cabral1999", "against": "", "lookup": "map-reflection", "size": 128}
+        self.set(**maps, wipe=0.5, tone="linear", show="picture", exposure=0)
 
     def pixels(self) -> np.ndarray:
         """The picture, (H, W, 4), row 0 at the top."""
