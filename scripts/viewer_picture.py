@@ -23,6 +23,8 @@ async () => {
   viewer.setFov(35);
   viewer.set({ against: "blend", background: true, tone: "filmic" });
   await viewer.settled();
+  viewer.invalidate(); // a second frame, whose time is that of a frame
+  await viewer.settled();
 }
 """
 
