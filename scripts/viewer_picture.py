@@ -14,6 +14,7 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
+NAMES = ("chromium", "chromium-browser", "google-chrome")
 ARGUMENTS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 STATE = """
@@ -21,6 +22,8 @@ async () => {
   const { viewer } = rsibr;
   viewer.setFov(35);
   viewer.set({ against: "blend", background: true, tone: "filmic" });
+  await viewer.settled();
+  viewer.invalidate(); // a second frame, whose time is that of a frame
   await viewer.settled();
 }
 """
@@ -33,7 +36,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("docs/_static/viewer.jpg"))
     given = parser.parse_args()
     with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=list(ARGUMENTS))
+        browser = driver.chromium.launch(executable_path=chromium(), args=list(ARGUMENTS))
         page = browser.new_page(viewport={"width": 1280, "height": 760}, reduced_motion="reduce")
         page.goto(given.page.resolve().as_uri())
         page.evaluate("async () => { await rsibr.ready; }")
@@ -42,6 +45,14 @@ def main() -> None:
         picture = page.screenshot()
         browser.close()
     Image.open(io.BytesIO(picture)).convert("RGB").save(given.out, quality=90, optimize=True)
+
+
+def chromium() -> str:
+    """Path of a Chromium, as the tests find it."""
+    found = next(filter(None, map(shutil.which, NAMES)), None)
+    if found is None:
+        raise SystemExit("no Chromium on the PATH: `make browser` installs it")
+    return found
 
 
 if __name__ == "__main__":

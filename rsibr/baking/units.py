@@ -1,7 +1,7 @@
 """Units of work of a bake: its views in chunks, in any process, in any order, killed or repeated, to the same bits.
 
 `prepare` decides what is baked and writes that down; `bake_unit` bakes some views, and needs nothing but the directory;
-`finish` takes over what units have stored. `rsibr.baking.baker.bake` is all three in one process.
+`finish` takes over what units have stored. `rsibr.baking.baker.bake` is all three in one process::
 
     prepared = prepare("paint.toml", "paint.rsibr")
     for chunk in chunks(prepared.pending):          # anywhere, at the same time

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -86,10 +87,8 @@ def _serve(page: Page, port: int, *, with_browser: bool, json_output: bool) -> N
             import webbrowser
 
             webbrowser.open(server.url)
-        try:
+        with suppress(KeyboardInterrupt):
             server.serve_forever(poll_interval=0.1)
-        except KeyboardInterrupt:
-            typer.echo("closed", err=True)
 
 
 def _say_file(page: Page, file: Path, *, json_output: bool) -> None:

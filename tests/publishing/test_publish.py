@@ -253,6 +253,7 @@ def test_formats_are_divided_by_commas_that_no_option_owns():
 # ---- The command -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_command(plastic, shell, tmp_path):
     there = shutil.copytree(plastic.path, tmp_path / "b.rsibr")
     (tmp_path / "own.py").write_text(

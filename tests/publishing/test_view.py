@@ -1,4 +1,4 @@
-"""What the page holds of an object, its server, its refusals, the command, and what notebooks show."""
+"""What the page holds of an object, its server, its refusals and the command."""
 
 import gzip
 import http.client
@@ -13,10 +13,8 @@ import numpy as np
 import pytest
 
 import rsibr
-from rsibr.errors import InputError, MachineError
+from rsibr.errors import InputError
 from rsibr.geometry.frame import view_frame
-from rsibr.publishing.notebooks.cards import validation_card
-from rsibr.publishing.notebooks.plots import plot_validation
 from rsibr.publishing.page import object_mesh as page_mesh
 from rsibr.publishing.page import view
 from rsibr.publishing.page.server import PageServer
@@ -87,6 +85,15 @@ def test_references_come_back_from_a_report(tmp_path):
         assert np.allclose(one.frame, view_frame(judged.view), atol=1e-6)
 
 
+def test_what_makes_no_page_is_refused(baked, tmp_path):
+    bake = baked("rough-aluminium")
+    with pytest.raises(InputError, match="no object"):
+        view({"body": bake, "metal": bake})
+    with pytest.raises(InputError, match="no shape 'bonnet'"):
+        view({"bonnet": bake}, mesh="sphere")
+
+
+@pytest.mark.slow
 def test_what_is_no_validation_of_the_bake_is_refused(baked, tmp_path):
     bake = baked("rough-aluminium")
     with pytest.raises(InputError, match=r"no metrics\.json"):
@@ -96,15 +103,11 @@ def test_what_is_no_validation_of_the_bake_is_refused(baked, tmp_path):
     write_report(validation, tmp_path)
     with pytest.raises(InputError, match="another bake"):
         view(bake, reference=tmp_path)
-    with pytest.raises(InputError, match="no object"):
-        view({"body": bake, "metal": bake})
-    with pytest.raises(InputError, match="no shape 'bonnet'"):
-        view({"bonnet": bake}, mesh="sphere")
 
 
 def test_the_server_gives_its_page_and_nothing_else():
     with PageServer("<p>page</p>") as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
+        threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
         answers = [ask(server.server_port, *asked) for asked in (("/",), ("/etc/passwd",), ("/", "evil.example"))]
         server.shutdown()
         assert server.server_address[0] == "127.0.0.1"
@@ -124,35 +127,6 @@ def test_a_port_that_is_taken_is_told():
         PageServer("", server.server_port)
 
 
-def test_results_are_tables_plots_and_cards(tmp_path, monkeypatch):
-    validation = small_validation()
-    frame = validation.to_dataframe()
-    assert list(frame["method"]) == ["nearest", "cabral1999", "perfect"] * 2
-    assert frame["rel_mse"][0] == pytest.approx(validation.views[0].methods["nearest"].error.rel_mse.value)
-    validation.to_csv(tmp_path / "errors.csv")
-    assert (tmp_path / "errors.csv").read_text() == validation.csv()
-    card = validation_card(validation)
-    assert "red &lt;paint&gt;" in card
-    assert card.count("<img") == 4
-    assert len(card) < 80_000
-    texts = [text.get_text() for text in plot_validation(validation).axes[0].get_legend().get_texts()]
-    assert texts == ["nearest", "cabral1999", "perfect"]
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(MachineError, match="pandas is not installed"):
-        validation.to_dataframe()
-
-
-def test_a_bake_shows_itself(baked):
-    bake = baked("rough-aluminium")
-    assert len(bake.show(most=4).axes) == 4
-    assert f"{bake.view_count} views of 32²" in bake._repr_html_()
-    made = rsibr.reconstruct(bake, (1, 2, 3), method="cabral1999")
-    assert "cabral1999" in made._repr_html_()
-    frame = bake.view(methods=["nearest"])._repr_html_()
-    assert frame.startswith('<iframe srcdoc="&lt;!doctype html&gt;')
-    assert frame.count("<") == 2  # all of the page lies within the attribute
-
-
 @pytest.mark.slow
 def test_the_command_exports_and_serves_until_ctrl_c(baked, tmp_path):
     bake, file = str(baked("rough-aluminium").path), tmp_path / "page.html"
@@ -165,6 +139,7 @@ def test_the_command_exports_and_serves_until_ctrl_c(baked, tmp_path):
     assert (status, page) == (200, file.read_bytes())
     served.send_signal(signal.SIGINT)
     assert served.wait(timeout=10) == 0
+    assert (served.stdout.read(), served.stderr.read()) == (b"", b"")
     wrong = subprocess.run([*command, "--export", str(tmp_path / "a.png")], capture_output=True, text=True, check=False)
     assert wrong.returncode == 2
     assert "--export" in wrong.stderr

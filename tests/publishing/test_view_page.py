@@ -22,6 +22,27 @@ async () => {
 """
 """Wait for a context, at most five seconds; the page's own policy forbids what Playwright's waiting would need."""
 
+TWO_FRAMES = "async () => { for (let k = 0; k < 2; k++) await new Promise((next) => requestAnimationFrame(next)); }"
+
+HELD = """
+const held = new Promise((go) => { globalThis.release = go; });
+globalThis.rsibr = {};
+let Engine = null;
+Object.defineProperty(rsibr, "Engine", {
+  get: () => Engine,
+  set(given) {
+    const { prepare } = given.prototype;
+    given.prototype.prepare = async function (method, progress) {
+      progress(0);
+      await held;
+      return prepare.call(this, method, progress);
+    };
+    Engine = given;
+  },
+});
+"""
+"""Preparations wait for `release()`."""
+
 METHODS = ("nearest", "blend", "cabral1999")
 
 
@@ -34,10 +55,17 @@ def report(baked, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def exported(baked, report, tmp_path_factory):
+def exported(baked, tmp_path_factory):
     """File of a sphere's page."""
-    page = view(baked("rough-aluminium"), methods=METHODS, reference=report)
+    page = view(baked("rough-aluminium"), methods=METHODS)
     return page.write(tmp_path_factory.mktemp("exported") / "page.html")
+
+
+@pytest.fixture(scope="module")
+def with_references(baked, report, tmp_path_factory):
+    """File of a sphere's page with the references of a validation."""
+    page = view(baked("rough-aluminium"), methods=METHODS, reference=report)
+    return page.write(tmp_path_factory.mktemp("judged") / "page.html")
 
 
 @pytest.fixture(scope="module")
@@ -55,15 +83,24 @@ def fresh(browser, exported):
 
 
 @pytest.fixture
+def judged(browser, with_references):
+    """A page with references."""
+    with viewer_page(browser, with_references, 640, 480) as page:
+        page.home()
+        yield page
+
+
+@pytest.fixture
 def page(opened):
     """The page at its first view."""
     opened.home()
     return opened
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [1280, 420])
-def test_it_fits_its_window_and_asks_for_nothing(browser, exported, width):
-    with viewer_page(browser, exported, width, 800) as page:
+def test_it_fits_its_window_and_asks_for_nothing(browser, with_references, width):
+    with viewer_page(browser, with_references, width, 800) as page:
         assert page.ask("() => document.documentElement.scrollWidth <= innerWidth")
         picture = page.pixels()
         assert 0.3 < (picture[..., 3] == 255).mean() < 0.9  # the sphere, before nothing
@@ -93,6 +130,13 @@ def test_keys_orbit_and_lead_home(page):
     assert np.array_equal(page.pixels(), first)
     page.page.keyboard.press("+")
     assert (page.pixels()[..., 3] > 0).sum() > 1.2 * (first[..., 3] > 0).sum()
+
+
+def test_the_first_frame_of_a_choice_is_told_as_such(page):
+    page.set(method="blend", lookup="map-normal")
+    page.page.wait_for_selector("text=ms for the first frame")
+    page.ask("() => rsibr.viewer.orbit(0.1, 0)")
+    page.page.wait_for_selector("text=ms a frame")
 
 
 def test_dragging_turns_the_sphere_with_the_pointer(page):
@@ -139,14 +183,15 @@ def test_the_view_of_a_sphere_is_its_map(page, baked):
     assert np.abs(found["map-reflection"] - found["map-normal"]).mean() < 0.5
 
 
-def test_tone_curves_are_their_formulae(page, report):
+@pytest.mark.slow
+def test_tone_curves_are_their_formulae(judged, report):
     """On the reference, whose texels are known."""
     stored = read_references(report).maps[0]
-    exposure = page.ask("() => rsibr.viewer.page.exposure")
+    exposure = judged.ask("() => rsibr.viewer.page.exposure")
     found = {}
     for tone in ("linear", "filmic", "luminance"):
-        page.set(show="reference", reference=0, tone=tone)
-        picture = page.pixels()  # the scale of the luminance takes some of its height
+        judged.set(show="reference", reference=0, tone=tone)
+        picture = judged.pixels()  # the scale of the luminance takes some of its height
         texel, seen = middle_texel(picture, len(stored.coverage))
         found[tone] = picture[seen][:3]
     light = stored.radiance[texel].astype(float)
@@ -157,27 +202,28 @@ def test_tone_curves_are_their_formulae(page, report):
     stops = np.log2(x @ [0.2126, 0.7152, 0.0722])
     expected = 255 * np.array(colormaps["viridis"]((stops + 8) / 12))[:3]
     assert np.abs(found["luminance"] - expected).max() < 6
-    assert page.page.locator("#scale").is_visible()
+    assert judged.page.locator("#scale").is_visible()
 
 
-def test_errors_are_those_of_the_library(page, baked, report):
+@pytest.mark.slow
+def test_errors_are_those_of_the_library(judged, baked, report):
     references = read_references(report)
     for number, stored in enumerate(references.maps):
-        page.set(show="error", reference=number)
-        (found,) = page.ask("() => rsibr.viewer.errors().map((e) => ({...e, errors: Array.from(e.errors, String)}))")
+        judged.set(show="error", reference=number)
+        (found,) = judged.ask("() => rsibr.viewer.errors().map((e) => ({...e, errors: Array.from(e.errors, String)}))")
         made = reconstruct(baked("rough-aluminium"), stored.view, method="cabral1999")
-        judged = stored.coverage >= COVERED
-        truth = stored.radiance[judged].astype(float)
-        squared = ((made.image[judged] - truth) ** 2 / denominator(truth)).mean(axis=1)
+        inside = stored.coverage >= COVERED
+        truth = stored.radiance[inside].astype(float)
+        squared = ((made.image[inside] - truth) ** 2 / denominator(truth)).mean(axis=1)
         assert found["relMse"] == pytest.approx(squared.mean(), rel=0.02)
-        errors = np.array(found["errors"], float).reshape(judged.shape)
-        assert np.array_equal(np.isfinite(errors), judged)
-        assert np.median(np.abs(errors[judged] / np.sqrt(squared) - 1)) < 0.02
-        picture = page.pixels()
-        texel, seen = middle_texel(picture, len(judged))
+        errors = np.array(found["errors"], float).reshape(inside.shape)
+        assert np.array_equal(np.isfinite(errors), inside)
+        assert np.median(np.abs(errors[inside] / np.sqrt(squared) - 1)) < 0.02
+        picture = judged.pixels()
+        texel, seen = middle_texel(picture, len(inside))
         expected = 255 * np.array(colormaps["magma"](float(RELATIVE_ERROR.position(errors[texel]))))[:3]
         assert np.abs(picture[seen][:3] - expected).max() < 8
-    assert "relMSE" in page.page.inner_text("#errors")
+    assert "relMSE" in judged.page.inner_text("#errors")
 
 
 def test_a_click_on_the_sphere_of_views_goes_to_a_stored_view(page):
@@ -187,10 +233,11 @@ def test_a_click_on_the_sphere_of_views_goes_to_a_stored_view(page):
     view = np.array(page.ask("() => rsibr.viewer.camera.view"))
     stored = np.array(page.ask("() => Array.from(rsibr.viewer.stage.engines[0].views)")).reshape(-1, 3)
     assert np.abs(stored - view).max(axis=1).min() < 1e-5
-    page.ask("() => rsibr.viewer.settled()")
+    page.ask(TWO_FRAMES)  # the click may have scrolled the picture out of sight
     assert page.page.input_value("#stored") != ""
 
 
+@pytest.mark.slow
 def test_a_lost_context_is_made_anew(fresh):
     first = fresh.pixels()
     fresh.ask("() => rsibr.viewer.stage.gl.getExtension('WEBGL_lose_context').loseContext()")
@@ -198,6 +245,7 @@ def test_a_lost_context_is_made_anew(fresh):
     assert np.array_equal(fresh.pixels(), first)
 
 
+@pytest.mark.slow
 def test_a_picture_out_of_sight_gives_its_context_back_and_stays(fresh):
     first = fresh.pixels()
     fresh.ask("() => rsibr.viewer.release()")
@@ -207,6 +255,55 @@ def test_a_picture_out_of_sight_gives_its_context_back_and_stays(fresh):
     assert np.array_equal(fresh.pixels(), first)
 
 
+@pytest.mark.slow
+def test_out_of_sight_the_panel_goes_on_and_waiting_ends(fresh):
+    """On a low window the panel scrolls the picture away, which then gives its context back."""
+    first = fresh.pixels()
+    fresh.scroll("#stored-views")
+    assert not fresh.ask("() => rsibr.viewer.visible")
+    with pytest.raises(Exception, match="out of sight"):
+        fresh.ask("() => rsibr.viewer.settled()")
+    fresh.ask("() => rsibr.viewer.stage.gl.getExtension('WEBGL_lose_context').loseContext()")
+    fresh.page.select_option("#stored", "5")
+    fresh.ask(TWO_FRAMES)
+    assert fresh.page.inner_text("#triangle") == "view 5: 100 %"
+    assert fresh.page.input_value("#stored") == "5"
+    fresh.scroll("#frame")
+    moved = fresh.pixels()
+    assert np.abs(moved - first).max() > 8
+    fresh.home()
+    assert np.array_equal(fresh.pixels(), first)
+
+
+@pytest.mark.slow
+def test_a_context_that_cannot_be_had_ends_waiting_and_is_asked_for_by_a_button(fresh):
+    first = fresh.pixels()
+    fresh.ask("() => { HTMLCanvasElement.prototype.own = HTMLCanvasElement.prototype.getContext; }")
+    fresh.ask("() => { HTMLCanvasElement.prototype.getContext = () => null; rsibr.viewer.release(); }")
+    fresh.ask("() => rsibr.viewer.reopen()")
+    with pytest.raises(Exception, match="no graphics context"):
+        fresh.ask("() => rsibr.viewer.settled()")
+    fresh.ask("() => { HTMLCanvasElement.prototype.getContext = HTMLCanvasElement.prototype.own; }")
+    fresh.page.click("text=Try again")
+    assert np.array_equal(fresh.pixels(), first)
+
+
+@pytest.mark.slow
+def test_another_method_stands_in_until_one_is_prepared(browser, baked, tmp_path):
+    file = view(baked("rough-aluminium")).write(tmp_path / "page.html")
+    with viewer_page(browser, file, 640, 480, before=HELD, starts=False) as page:
+        page.ask("async () => { await rsibr.ready; }")
+        page.page.wait_for_selector("text=Preparing rsibr")
+        assert "cabral1999 is shown" in page.page.inner_text("#message")
+        assert page.page.locator("#still").is_hidden()
+        early = page.ask("() => rsibr.viewer.stage.engines[0].methods.filter((one) => rsibr.viewer.stage.isReady(one))")
+        assert early == ["nearest", "blend", "cabral1999"]
+        page.ask("() => release()")
+        page.pixels()
+        assert page.page.locator("#message").is_hidden()
+
+
+@pytest.mark.slow
 def test_without_webgl2_there_is_a_still_picture_and_a_reason(browser, exported):
     nothing = "HTMLCanvasElement.prototype.getContext = () => null"
     with viewer_page(browser, exported, before=nothing, starts=False) as page:
@@ -215,6 +312,7 @@ def test_without_webgl2_there_is_a_still_picture_and_a_reason(browser, exported)
         assert page.page.locator("#method").is_disabled()
 
 
+@pytest.mark.slow
 def test_more_than_a_gpu_may_hold_is_said_before(browser, exported):
     small = "globalThis.rsibr = {}; Object.defineProperty(rsibr, 'safeMemory', { get: () => 1e5, set() {} })"
     with viewer_page(browser, exported, 640, 480, before=small, starts=False) as page:

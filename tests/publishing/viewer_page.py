@@ -23,6 +23,17 @@ async () => {
 }
 """
 
+SCROLL = """
+async (selector) => {
+  document.querySelector(selector).scrollIntoView({ block: "start" });
+  const frame = document.getElementById("frame"), isKnown = () => {
+    const { top, bottom } = frame.getBoundingClientRect();
+    return rsibr.viewer.visible === (bottom > 0 && top < innerHeight);
+  };
+  while (!isKnown()) await new Promise((next) => requestAnimationFrame(next));
+}
+"""
+
 
 class ViewerPage:
     """A page whose viewer runs."""
@@ -38,10 +49,16 @@ class ViewerPage:
         """Change the state, and wait until it is on the canvas."""
         self.page.evaluate("async (changes) => { rsibr.viewer.set(changes); await rsibr.viewer.settled(); }", changes)
 
+    def scroll(self, selector: str) -> None:
+        """Scroll to an element, and wait until the page knows whether its picture is in sight."""
+        self.page.evaluate(SCROLL, selector)
+
     def home(self) -> None:
-        """First view, one method, linear tone."""
+        """Picture in sight, first view, one method and map, linear tone."""
+        self.scroll("#frame")
         self.page.evaluate("() => rsibr.viewer.home()")
-        self.set(method="cabral1999", against="", wipe=0.5, tone="linear", show="picture", exposure=0, size=128)
+        maps = {"method": "cabral1999", "against": "", "lookup": "map-reflection", "size": 128}
+        self.set(**maps, wipe=0.5, tone="linear", show="picture", exposure=0)
 
     def pixels(self) -> np.ndarray:
         """The picture, (H, W, 4), row 0 at the top."""

@@ -72,8 +72,9 @@ def study_card(study: Study) -> str:
     for scene in document.scenes:
         for point in sorted(scene.points, key=lambda one: one.rel_mse)[:1]:
             rows.append((scene.name, point.label, f"{point.rel_mse:.2g}", duration(point.frame_seconds.median)))
-    points = sum(len(scene.points) for scene in document.scenes)
-    facts = [f"{len(document.scenes)} scenes", f"{points} points", f"measured in {duration(document.seconds)}"]
+    scenes, points = len(document.scenes), sum(len(scene.points) for scene in document.scenes)
+    counts = [f"{scenes} scene{'s' * (scenes > 1)}", f"{points} point{'s' * (points > 1)}"]
+    facts = [*counts, f"measured in {duration(document.seconds)}"]
     table = _table(("scene", "least error", "relMSE", "time a picture"), rows)
     return _card(f"Study {document.name}", facts, [], table)
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from rsibr.errors import InputError
 from rsibr.publishing.notebooks.colours import of_maps
 from rsibr.store.bake import Bake
 from rsibr.studies.figures import colour_of, count_in, headline, logarithmic, styled
@@ -69,7 +70,16 @@ def plot_validation(validation: Validation) -> Figure:
 
 
 def plot_study(study: Study) -> Figure:
-    """Least error over the time of the whole job, and the gain of twice the time; see `rsibr.plots` for others."""
+    """Least error over the time of the whole job, and the gain of twice the time.
+
+    Raises
+    ------
+    InputError
+        If the study measured errors only.
+    """
+    if not study.document.doubling:
+        fix = "study.to_dataframe() has the errors; leave `judge.errors_only` out to measure times"
+        raise InputError("only errors were measured, no times to plot them over", where=study.document.name, fix=fix)
     return _displayed(headline(study.document))
 
 

@@ -164,7 +164,7 @@ def _page(subject: Subject, bundles: list[Bundle], reference: Path | None, heigh
     if not methods or not shared:
         what = "no method, or no size of maps, that all bakes serve"
         raise InputError(what, where=subject.name, fix="bake all with the same [map] and [effects] settings")
-    title = f"{subject.name or first.manifest.material.name} under {first.manifest.environment.name}"
+    title = f"{Path(subject.name).stem or first.manifest.material.name} under {first.manifest.environment.name}"
     told = {
         "bakes": [bundle.meta["name"] for bundle in bundles],
         "object": subject.object,
@@ -201,7 +201,7 @@ def _facts(subject: Subject) -> str:
     told = []
     for bake in subject.bakes:
         views = f"{bake.view_count} views of {bake.resolution}²" if bake.has_views else "no stored views"
-        told.append(f"{bake.manifest.material.name}: {views}, baked in {bake.seconds:.0f} s")
+        told.append(f"{bake.manifest.material.name}: {views}, baked in {bake.seconds:.0f}\u00a0s")
     if subject.object is not None:
         told.append(f"{subject.object['triangles']} triangles")
     return "; ".join(told)

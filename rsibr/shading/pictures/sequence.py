@@ -145,8 +145,9 @@ def render_sequence(
 
     Parameters
     ----------
-    scene, bakes, method, camera, resolution, rays, lookup, occlusion, strict, environment_distance, exposure,
-    on_forecast, allow_large
+    scene, bakes, method, camera, resolution, rays, lookup, occlusion
+        As for `rsibr.render`.
+    strict, environment_distance, exposure, on_forecast, allow_large
         As for `rsibr.render`. The exposure is one for all frames.
     out : path
         `name.exr`, `name.png`: numbered files `name_0001.exr` and so on, or with the number where `#` or `%04d` stands.

@@ -48,6 +48,11 @@ rsibr.Engine = class Engine {
     return { views, weights: this.sphere.areaWeights(v, views) };
   }
 
+  /** Whether a method has much to do before its first map. */
+  prepares(method) {
+    return Boolean(rsibr.METHODS[method].prepares);
+  }
+
   /** Work of a method before its first map, in steps between which the page stays alive; `progress` is told the share
    *  that is done. Without it the first map takes that time. */
   async prepare(method, progress = () => {}) {

@@ -15,6 +15,7 @@ rsibr.Controls = class {
     this.fillKeys();
     viewer.listeners.push(() => this.show());
     viewer.drawn.push(() => this.errors());
+    viewer.moved.push(() => this.storedViews());
   }
 
   /** Lists that depend on what the engine serves; called once the stage is there. */
@@ -33,11 +34,7 @@ rsibr.Controls = class {
     this.at("stored-views").hidden = stored.length < 2;
     this.at("background").closest("label").hidden = !stage.hasEnvironment;
     if (stored.length < 2) return;
-    const canvas = this.at("views"), sphere = new rsibr.ViewsSphere(canvas, stage.engines[0], (k) => this.viewer.goTo(sphere.views[k]));
-    this.viewer.drawn.push(() => {
-      sphere.engine = this.viewer.stage.engines[0];
-      this.storedViews(sphere.draw(this.viewer.camera), sphere.views);
-    });
+    this.sphere = new rsibr.ViewsSphere(this.at("views"), stage.engines[0].sphere, (view) => this.viewer.goTo(view));
   }
 
   options(id, entries) {
@@ -56,9 +53,7 @@ rsibr.Controls = class {
     on("background", "change", (one) => viewer.set({ background: one.checked }));
     on("fov", "input", (one) => viewer.setFov(Number(one.value)));
     on("stored", "change", (one) => {
-      if (one.value === "") return;
-      const { views } = viewer.stage.engines[0], k = Number(one.value);
-      viewer.goTo(Array.from(views.subarray(3 * k, 3 * k + 3)));
+      if (one.value !== "") viewer.goTo(this.sphere.views[Number(one.value)]);
     });
   }
 
@@ -130,9 +125,11 @@ rsibr.Controls = class {
     told.textContent = `${found.join("; ")}. The noise of the reference makes ${rsibr.formatted(contents.references[state.reference].noise)} of each.`;
   }
 
-  storedViews({ views, weights }, directions) {
-    const { view } = this.viewer.camera;
-    const at = directions.findIndex((one) => one.every((x, i) => Math.abs(x - view[i]) < 1e-4));
+  /** The sphere of views at the camera; it needs no graphics context, so that it goes on without one. */
+  storedViews() {
+    if (!this.sphere) return;
+    const { camera } = this.viewer, { view } = camera, { views, weights } = this.sphere.draw(camera);
+    const at = this.sphere.views.findIndex((one) => one.every((x, i) => Math.abs(x - view[i]) < 1e-4));
     this.at("stored").value = at < 0 ? "" : at;
     const shares = views.map((k, i) => [weights[i], k]).filter(([weight]) => weight > 5e-4).sort((a, b) => b[0] - a[0]);
     this.at("triangle").textContent = shares.map(([weight, k]) => `view ${k}: ${(100 * weight).toFixed(0)} %`).join(", ");

@@ -6,9 +6,11 @@ const COVERED = 0.5; // texels with less coverage are not judged, as in rsibr.va
 
 /** References of the page: descriptions with their radiance (3, N, N planar) and coverage. */
 rsibr.referencesOf = function (page, arrays) {
+  const sizes = new Set(page.references.map(({ size }) => size));
+  const coverages = new Map(Array.from(sizes, (size) => [size, rsibr.diskCoverage(size)]));
   return page.references.map((told, k) => {
     const { size } = told, texels = size * size, radiance = rsibr.numbers(arrays[`reference${k}`]), rgba = new Float32Array(4 * texels);
-    const coverage = rsibr.diskCoverage(size);
+    const coverage = coverages.get(size);
     for (let t = 0; t < texels; t++) {
       for (let c = 0; c < 3; c++) rgba[4 * t + c] = radiance[c * texels + t];
       rgba[4 * t + 3] = coverage[t];

@@ -21,6 +21,7 @@ rsibr.Stage = class {
     this.programs = new Map();
     this.pixelShaders = new Map();
     this.prepared = new Set();
+    this.seen = new Set();
     this.nothing = gl.createVertexArray();
   }
 
@@ -36,7 +37,12 @@ rsibr.Stage = class {
 
   /** Whether a method can be drawn at once. */
   isReady(method) {
-    return this.prepared.has(method);
+    return this.prepared.has(method) || !this.engines.some((engine) => engine.prepares(method));
+  }
+
+  /** Method that stands in for those that are not prepared: the last one that needs no preparation, or null. */
+  get standIn() {
+    return this.methods.filter((name) => this.isReady(name)).pop() ?? null;
   }
 
   /** Work of a method before its first frame; the page stays alive meanwhile. */
@@ -46,6 +52,13 @@ rsibr.Stage = class {
       await engine.prepare(method, (share) => progress((k + share) / engines.length));
     }
     this.prepared.add(method);
+  }
+
+  /** Whether a choice is drawn for the first time, when the browser compiles its shaders. */
+  isFirst({ method, against, lookup, size, show }) {
+    const key = [method, against, lookup, size, show].join(), isFirst = !this.seen.has(key);
+    this.seen.add(key);
+    return isFirst;
   }
 
   /** Draw a frame: one method, or two with the wipe between them. */

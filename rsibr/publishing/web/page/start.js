@@ -53,11 +53,12 @@ rsibr.start = async function (root) {
     at("message-button").onclick = act;
   }
 
-  function time(milliseconds) {
+  function time(milliseconds, isFirst) {
     const { canvas } = elements, { state } = rsibr.viewer;
     const side = state.show === "picture" ? state.size : rsibr.viewer.contents.references[state.reference].size;
     const map = state.show === "picture" && state.lookup === "pixel" ? "a view a pixel" : `map ${side}²`;
-    at("time").textContent = `${milliseconds.toFixed(milliseconds < 10 ? 1 : 0)} ms a frame, ${canvas.width} × ${canvas.height}, ${map}`;
+    const taken = `${milliseconds.toFixed(milliseconds < 10 ? 1 : 0)} ms ${isFirst ? "for the first frame" : "a frame"}`;
+    at("time").textContent = `${taken}, ${canvas.width} × ${canvas.height}, ${map}`;
   }
 };
 

@@ -16,8 +16,12 @@ rsibr.Viewer = class {
     this.camera = new rsibr.OrbitCamera(page.camera);
     this.stage = null;
     this.listeners = []; // called at every change
-    this.drawn = []; // called after every frame
+    this.moved = []; // called at every frame, with a picture or not
+    this.drawn = []; // called after every picture
+    this.finished = 0; // when the GPU had finished the last frame
     this.losses = [];
+    this.anew = 0; // timer of the next context
+    this.isGivenUp = false; // contexts are asked for only when the user says so
     this.visible = true;
     this.state = {
       method: page.method,
@@ -45,19 +49,19 @@ rsibr.Viewer = class {
 
   /** Make a stage on a new canvas; throws rsibr.Unsupported. */
   open() {
-    const old = this.elements.canvas, canvas = old.cloneNode(false);
+    const old = this.elements.canvas, canvas = old.cloneNode(false), hasFocus = document.activeElement === old;
     canvas.addEventListener("webglcontextlost", (event) => {
       event.stopImmediatePropagation(); // unheard by the engine, so that the browser does not restore it beside the next
       if (this.stage?.canvas === canvas) this.lost();
     });
     const stage = new rsibr.Stage(canvas, this.page, this.contents); // may throw: the old canvas stays
     old.replaceWith(canvas);
+    if (hasFocus) canvas.focus({ preventScroll: true });
     this.elements.canvas = canvas;
     this.stage = stage;
     this.methods = stage.methods;
     if (!this.methods.includes(this.state.method)) this.state.method = this.methods[this.methods.length - 1];
     rsibr.listenToGestures(canvas, this);
-    this.elements.still.hidden = true;
     this.resize();
     if (!this.isFramed) this.frameObject();
     this.changed();
@@ -77,20 +81,27 @@ rsibr.Viewer = class {
     this.stage = null;
     const now = Date.now();
     this.losses = [...this.losses.filter((time) => now - time < 60000), now];
-    if (this.losses.length > TRIES) {
-      this.elements.say("The graphics context was lost again and again.", "Try again", () => this.reopen());
-    } else {
-      setTimeout(() => this.visible && !this.stage && this.reopen(), ANEW_AFTER);
-    }
+    if (this.losses.length > TRIES) return this.giveUp("The graphics context was lost again and again.");
+    clearTimeout(this.anew);
+    this.anew = setTimeout(() => {
+      this.anew = 0;
+      if (this.visible && !this.stage) this.reopen();
+    }, ANEW_AFTER);
+  }
+
+  giveUp(reason) {
+    this.isGivenUp = true;
+    this.elements.say(reason, "Try again", () => this.reopen());
   }
 
   reopen() {
     try {
       this.open();
+      this.isGivenUp = false;
       this.elements.say("");
     } catch (error) {
       if (!(error instanceof rsibr.Unsupported)) throw error;
-      this.elements.say(error.message, "Try again", () => this.reopen());
+      this.giveUp(error.message);
     }
   }
 
@@ -110,7 +121,7 @@ rsibr.Viewer = class {
       this.visible = entry.isIntersecting;
       clearTimeout(this.leaving);
       if (!this.visible) this.leaving = setTimeout(() => this.release(), RELEASE_AFTER);
-      else if (!this.stage && this.methods.length) this.reopen();
+      else if (!this.stage && !this.isGivenUp) this.reopen();
     });
     seen.observe(this.elements.frame);
     new ResizeObserver(() => this.resize()).observe(this.elements.frame);
@@ -220,13 +231,36 @@ rsibr.Viewer = class {
     requestAnimationFrame((now) => {
       this.waiting = false;
       this.motion?.(now);
-      if (this.stage && this.visible) this.isReady() ? this.timedDraw() : this.prepare();
+      this.moved.forEach((act) => act());
+      if (this.isAlive && this.visible) {
+        this.timedDraw();
+        if (!this.isReady()) this.prepare();
+      }
       if (this.motion) this.changed();
     });
   }
 
+  /** Draw the state, and say whether that was possible; until a method is prepared another stands in for it. */
   draw() {
-    if (this.stage && this.isReady()) this.stage.draw(this.camera, this.state);
+    if (!this.isAlive) return false;
+    const [method, against = ""] = this.shownMethods.map((name) => this.standIn(name));
+    if (method === null || against === null) return false;
+    const shown = { ...this.state, method, against };
+    this.isFirst = this.stage.isFirst(shown);
+    this.stage.draw(this.camera, shown);
+    this.elements.still.hidden = true;
+    return true;
+  }
+
+  /** What is drawn of a method; null where only waiting helps. Errors are never those of another method. */
+  standIn(method) {
+    if (this.stage.isReady(method)) return method;
+    return this.state.show === "picture" ? this.stage.standIn : null;
+  }
+
+  /** Whether there is a context that works; one may be lost a moment before the browser tells. */
+  get isAlive() {
+    return Boolean(this.stage) && !this.stage.gl.isContextLost();
   }
 
   get shownMethods() {
@@ -237,32 +271,37 @@ rsibr.Viewer = class {
     return this.shownMethods.every((method) => this.stage.isReady(method));
   }
 
-  /** Prepare what is to be shown; the picture stays as it is until then. */
+  /** Prepare what is to be shown. */
   async prepare() {
     if (this.preparing) return;
-    const { stage } = this;
+    const { stage } = this, meanwhile = stage.standIn && this.state.show === "picture" ? `; ${stage.standIn} is shown until then` : "";
     this.preparing = true;
     try {
       for (const method of this.shownMethods.filter((name) => !stage.isReady(name))) {
-        await stage.prepare(method, (share) => this.elements.say(`Preparing ${method}: ${Math.round(100 * share)} %`));
+        await stage.prepare(method, (share) => this.elements.say(`Preparing ${method}: ${Math.round(100 * share)} %${meanwhile}`));
       }
-      this.elements.say("");
+      if (this.stage === stage) this.elements.say("");
     } finally {
       this.preparing = false;
     }
     this.changed();
   }
 
-  /** Resolves when the state is on the canvas. */
+  /** Resolves when the state is on the canvas; rejects where it cannot come there by itself. */
   async settled() {
-    const isDone = () => this.stage && this.isReady() && !this.waiting && !this.motion;
-    do await new Promise((next) => requestAnimationFrame(next)); while (!isDone());
+    const isDone = () => this.isAlive && this.isReady() && !this.waiting && !this.motion;
+    do {
+      await new Promise((next) => requestAnimationFrame(next));
+      if (!this.visible) throw new Error("the picture is out of sight");
+      if (!this.stage && !this.anew) throw new Error("the picture has no graphics context");
+    } while (!isDone());
   }
 
-  /** Draw and show the time until the GPU has finished. */
+  /** Draw and show the time until the GPU has finished, from when it had finished the frame before. */
   timedDraw() {
     const { gl } = this.stage, begun = performance.now();
-    this.draw();
+    if (!this.draw()) return;
+    const { isFirst } = this;
     this.drawn.forEach((act) => act());
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
@@ -271,7 +310,9 @@ rsibr.Viewer = class {
       const status = gl.clientWaitSync(fence, 0, 0);
       if (status === gl.TIMEOUT_EXPIRED) return void setTimeout(poll, 1);
       gl.deleteSync(fence);
-      this.elements.time(performance.now() - begun);
+      const now = performance.now();
+      this.elements.time(now - Math.max(begun, this.finished), isFirst);
+      this.finished = now;
     };
     setTimeout(poll, 0);
   }

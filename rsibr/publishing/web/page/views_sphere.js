@@ -3,14 +3,17 @@
 var rsibr = globalThis.rsibr || (globalThis.rsibr = {});
 
 rsibr.ViewsSphere = class {
-  /** @param choose called with the number of a stored view that was clicked */
-  constructor(canvas, engine, choose) {
-    Object.assign(this, { canvas, engine });
-    this.views = Array.from({ length: engine.views.length / 3 }, (_, k) => Array.from(engine.views.subarray(3 * k, 3 * k + 3)));
+  /**
+   * @param sphere the engine's `rsibr.ViewSphere`, which outlives its graphics context
+   * @param choose called with a stored view that was clicked
+   */
+  constructor(canvas, sphere, choose) {
+    Object.assign(this, { canvas, sphere });
+    this.views = Array.from({ length: sphere.count }, (_, k) => Array.from(sphere.direction(k)));
     canvas.addEventListener("click", (event) => {
       const box = canvas.getBoundingClientRect();
       const at = [event.clientX - box.left, event.clientY - box.top].map((x) => x * (canvas.width / box.width));
-      choose(this.nearest(at));
+      choose(this.views[this.nearest(at)]);
     });
   }
 
@@ -34,7 +37,7 @@ rsibr.ViewsSphere = class {
     this.axes = camera.axes;
     const { canvas } = this, c = canvas.getContext("2d"), style = getComputedStyle(canvas);
     const [ink, faint, accent] = ["--ink", "--faint", "--accent"].map((name) => style.getPropertyValue(name));
-    const used = this.views.length > 2 ? this.engine.triangle(camera.view) : { views: [], weights: [] };
+    const used = this.used(camera.view);
     const unit = canvas.width / 160;
     c.clearRect(0, 0, canvas.width, canvas.height);
     c.lineJoin = "round";
@@ -70,6 +73,13 @@ rsibr.ViewsSphere = class {
     return used;
   }
 
+  /** Stored views around a view, and their weights. */
+  used(view) {
+    if (this.views.length < 3) return { views: [], weights: [] };
+    const views = this.sphere.surrounding(view);
+    return { views, weights: this.sphere.areaWeights(view, views) };
+  }
+
   path(c, corners) {
     c.beginPath();
     corners.forEach((k, i) => c[i ? "lineTo" : "moveTo"](...this.placed(this.views[k]).slice(0, 2)));
@@ -77,7 +87,7 @@ rsibr.ViewsSphere = class {
   }
 
   edges(c, colour, unit) {
-    const { triangles } = this.engine;
+    const { triangles } = this.sphere;
     c.strokeStyle = colour;
     c.lineWidth = unit;
     for (let t = 0; t < triangles.length; t += 3) {

@@ -218,5 +218,5 @@
   }
 
   rsibr.METHODS = rsibr.METHODS || {};
-  rsibr.METHODS.rsibr = (engine) => new Rsibr(engine);
+  rsibr.METHODS.rsibr = Object.assign((engine) => new Rsibr(engine), { prepares: true });
 })();
