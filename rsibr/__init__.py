@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from rsibr.shading.integrator import register_plugins as register_plugins
     from rsibr.shading.pictures.sequence import render_sequence as render_sequence
     from rsibr.shading.render import render as render
+    from rsibr.shown_progress import show_progress as show_progress
     from rsibr.store.bake import open_bake as open_bake
     from rsibr.store.pack import pack as pack
     from rsibr.studies import figures as plots
@@ -90,6 +91,7 @@ _HOME = {
     "register_plugins": "rsibr.shading.integrator",
     "render": "rsibr.shading.render",
     "render_sequence": "rsibr.shading.pictures.sequence",
+    "show_progress": "rsibr.shown_progress",
     "study": "rsibr.studies.runner",
     "timed": "rsibr.validation.validation",
     "validate": "rsibr.validation.validation",
@@ -142,6 +144,7 @@ __all__ = [
     "register_plugins",
     "render",
     "render_sequence",
+    "show_progress",
     "study",
     "timed",
     "validate",

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import importlib
 import math
-import sys
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from rsibr.publishing.notebooks.colours import of_maps
+from rsibr.shown_progress import shell
 from rsibr.store.bake import Bake
 from rsibr.studies.figures import colour_of, count_in, headline, logarithmic, styled
 from rsibr.studies.runner import Study
@@ -75,13 +74,7 @@ def plot_study(study: Study) -> Figure:
 
 def _displayed(figure: Figure) -> Figure:
     """See that a notebook shows figures that no `pyplot` made."""
-    shell = _notebook()
-    if shell is not None:
-        importlib.import_module("IPython.core.pylabtools").select_figure_formats(shell, {"png"})
+    running = shell()
+    if running is not None:
+        importlib.import_module("IPython.core.pylabtools").select_figure_formats(running, {"png"})
     return figure
-
-
-def _notebook() -> Any:
-    """The IPython that this code runs in, or None."""
-    module = sys.modules.get("IPython")
-    return None if module is None else module.get_ipython()
