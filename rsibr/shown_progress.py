@@ -108,8 +108,8 @@ def _shown(job: Job, function: Callable[..., _R], args: tuple[Any, ...], kwargs:
 
     with importlib.import_module(_DISPLAY).displayed(job) as display:
         result = function(*args, **{**kwargs, "on_progress": on_progress})
-    for text in getattr(result, "notes", ()) if worked else ():
-        display.note(text)
+    if worked and (notes := getattr(result, "notes", ())):
+        display.say(notes)
     return result
 
 

@@ -1,4 +1,4 @@
-"""Store executed notebooks in `notebooks/`: pictures of 256 colours, no times of cells, no paths of a machine.
+"""Store executed notebooks in `notebooks/`: pictures of 256 colours, no progress, no times, no paths of a machine.
 
 Run `python scripts/store_notebooks.py out/notebooks` after `make notebooks`. The site shows what is stored.
 """
@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from PIL import Image
+
+from rsibr.publishing.progress.notebook import MARK
 
 ROOT = Path(__file__).resolve().parent.parent
 COLOURS = 256
@@ -33,10 +35,17 @@ def stored_form(notebook: dict[str, Any]) -> dict[str, Any]:
     """Return the notebook as it is stored."""
     for cell in notebook["cells"]:
         cell["metadata"].pop("execution", None)
+        if "outputs" in cell:
+            cell["outputs"] = [output for output in cell["outputs"] if not _is_progress(output)]
         for output in cell.get("outputs", ()):
             _clean(output)
     notebook["metadata"]["language_info"] = {"name": "python"}
     return notebook
+
+
+def _is_progress(output: dict[str, Any]) -> bool:
+    """Whether an output was of use only while the cell ran."""
+    return MARK in "".join(output.get("data", {}).get("text/html", ()))
 
 
 def _clean(output: dict[str, Any]) -> None:

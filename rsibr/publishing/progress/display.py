@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
@@ -22,8 +22,8 @@ class Display(Protocol):
     def show(self, state: Progress) -> None:
         """Show a state of the job."""
 
-    def note(self, text: str) -> None:
-        """Show a note, which remains."""
+    def say(self, notes: Sequence[str]) -> None:
+        """Show notes, which remain."""
 
 
 def displayed(job: Job) -> AbstractContextManager[Display]:
@@ -54,5 +54,6 @@ class _Streamed:
         else:
             self._drawn.show(state.done, state.total, state.step)
 
-    def note(self, text: str) -> None:
-        self._console.print(f"note: {printable(text)}", soft_wrap=True)
+    def say(self, notes: Sequence[str]) -> None:
+        for text in notes:
+            self._console.print(f"note: {printable(text)}", soft_wrap=True)

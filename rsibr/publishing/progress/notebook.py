@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import io
 import time
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
@@ -25,14 +26,14 @@ MARK = "rsibr-progress"
 
 _COLUMNS = 92
 _BARS = f'<pre class="{MARK}" style="white-space:pre;line-height:1.3;margin:0">{{code}}</pre>'
-_NOTE = '<div style="color:#888;font-size:90%">note: {text}</div>'
+_FAINT = "color:#888;font-size:90%"
 
 
 class NotebookDisplay:
     """Bars of a job in the output of the cell, inside of the block, and notes below."""
 
     def __init__(self, job: Job) -> None:
-        self._bars = ProgressBars(job, Console(file=io.StringIO()))
+        self._bars = ProgressBars(job, Console(file=io.StringIO(), force_jupyter=False))
         self._name = job.name
         self._handle: Any = None
         self._drawn = -PERIOD
@@ -53,15 +54,23 @@ class NotebookDisplay:
             self._drawn = time.monotonic()
             self._handle.update(_html(self._bars.bars.get_renderable()), raw=True)
 
-    def note(self, text: str) -> None:
-        """Show a note, which remains."""
-        _display({"text/html": _NOTE.format(text=escape(text)), "text/plain": f"note: {text}"})
+    def say(self, notes: Sequence[str]) -> None:
+        """Show notes, which remain."""
+        lines = [f"note: {text}" for text in notes]
+        html = f'<div style="{_FAINT}">{"<br>".join(escape(line) for line in lines)}</div>'
+        _display({"text/html": html, "text/plain": "\n".join(lines)})
 
 
 def _html(drawing: Any) -> dict[str, str]:
     """Drawing of Rich as HTML, and as text for frontends that show none."""
     console = Console(
-        file=io.StringIO(), record=True, width=_COLUMNS, force_terminal=True, color_system="truecolor", markup=False
+        file=io.StringIO(),
+        record=True,
+        width=_COLUMNS,
+        force_terminal=True,
+        force_jupyter=False,  # else Rich adds an output of its own
+        color_system="truecolor",
+        markup=False,
     )
     console.print(drawing, highlight=False)
     text = console.export_text(clear=False).rstrip()
