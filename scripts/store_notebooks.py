@@ -1,4 +1,4 @@
-"""Store executed notebooks in `notebooks/`: pictures of 256 colours, no progress, no times, no paths of a machine.
+"""Store executed notebooks in `notebooks/`: small pictures, a picture for a page, no progress, times or machine paths.
 
 Run `python scripts/store_notebooks.py out/notebooks` after `make notebooks`. The site shows what is stored.
 """
@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import argparse
 import base64
+import html
 import io
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -50,12 +52,23 @@ def _is_progress(output: dict[str, Any]) -> bool:
 
 def _clean(output: dict[str, Any]) -> None:
     data = output.get("data", {})
+    if "".join(data.get("text/html", ())).startswith("<iframe"):
+        data["text/html"] = still("".join(data["text/html"]))
     if PNG in data:
         data[PNG] = smaller(data[PNG])
     for text in (output, data):
         for key in ("text", "text/plain"):
             if key in text:
                 text[key] = [line.replace(f"{ROOT}/", "") for line in text[key]]
+
+
+def still(frame: str) -> str:
+    """Picture in place of an interactive page, which takes more than a megabyte: the one it shows without WebGL2."""
+    found = re.search(r'<img id="still" src="([^"]+)" alt="([^"]+)">', html.unescape(frame))
+    if found is None:
+        raise SystemExit("a page without a still picture cannot be stored")
+    picture, text = found.groups()
+    return f'<img src="{picture}" alt="{text}"><br><i>{text}; run the cell for the page.</i>'
 
 
 def smaller(png: str) -> str:
