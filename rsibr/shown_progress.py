@@ -53,6 +53,7 @@ def show_progress(shown: Shown = "auto") -> None:
 
     Examples
     --------
+    >>> import rsibr
     >>> rsibr.show_progress(False)
     >>> rsibr.show_progress()
     """

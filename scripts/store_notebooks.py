@@ -21,6 +21,8 @@ from rsibr.publishing.progress.notebook import MARK
 ROOT = Path(__file__).resolve().parent.parent
 COLOURS = 256
 PNG = "image/png"
+ADDRESS = re.compile(r" at 0x[0-9a-f]+(?=>)")
+"""Of an object in memory."""
 
 
 def main() -> None:
@@ -59,7 +61,7 @@ def _clean(output: dict[str, Any]) -> None:
     for text in (output, data):
         for key in ("text", "text/plain"):
             if key in text:
-                text[key] = [line.replace(f"{ROOT}/", "") for line in text[key]]
+                text[key] = [ADDRESS.sub("", line.replace(f"{ROOT}/", "")) for line in text[key]]
 
 
 def still(frame: str) -> str:

@@ -18,6 +18,9 @@ from rsibr.validation.report.pictures import COLOUR_MAP, Scale
 _WIDTH = 12.0
 """Width of the figure with as many columns as it may have [inches]."""
 
+_BAR = 1.2
+"""Width of a scale with its text [inches]."""
+
 _TITLE = 0.2
 """Height of a line of a title [inches]."""
 
@@ -47,25 +50,31 @@ def side_by_side(
     >>> len(side_by_side([("left", grey), ("right", grey)]).axes)
     2
     """
-    shown = list(pictures)
+    shown = [(title, None if picture is None else cropped(picture)) for title, picture in pictures]
     columns = min(columns, max(len(shown), 1))
     rows = math.ceil(len(shown) / columns)
-    each = min(_WIDTH / columns, 3.0)
+    bar = 0.0 if scale is None else _BAR
+    width = min((_WIDTH - bar) / columns, 3.0)
+    height = width * max((one.shape[0] / one.shape[1] for _, one in shown if one is not None), default=1.0)
     lines = max((title.count("\n") + 1 for title, _ in shown), default=1)
-    figure = Figure(figsize=(each * columns, (each + _TITLE * lines) * rows), layout="constrained")
+    figure = Figure(figsize=(width * columns + bar, (height + _TITLE * lines) * rows), layout="constrained")
     places = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in places:
         axes.axis("off")
     for axes, (title, picture) in zip(places, shown, strict=False):
         if picture is not None:
-            axes.imshow(cropped(picture), interpolation="nearest")
+            axes.imshow(picture, interpolation="nearest")
             axes.set_title(title, fontsize=8)
     if scale is not None:
-        norm = (LogNorm if scale.logarithmic else Normalize)(scale.low, scale.high)
-        bar = figure.colorbar(ScalarMappable(norm, COLOUR_MAP), ax=places, shrink=0.6, label=scale.label)
-        bar.set_ticks([value for value, _ in scale.ticks], labels=[text for _, text in scale.ticks], minor=False)
-        bar.minorticks_off()
+        _add_scale(figure, scale)
     return displayed(figure)
+
+
+def _add_scale(figure: Figure, scale: Scale) -> None:
+    norm = (LogNorm if scale.logarithmic else Normalize)(scale.low, scale.high)
+    bar = figure.colorbar(ScalarMappable(norm, COLOUR_MAP), ax=figure.axes, shrink=0.6, label=scale.label)
+    bar.set_ticks([value for value, _ in scale.ticks], labels=[text for _, text in scale.ticks], minor=False)
+    bar.minorticks_off()
 
 
 def displayed(figure: Figure) -> Figure:
