@@ -72,13 +72,13 @@ def _progress(job: Job) -> Iterator[Callable[[Progress], None]]:
 
 def note_peculiarities(bake: Bake) -> None:
     """Print notes on the material, the environment, effects that were forced off, and clipped values."""
-    for text in peculiarities(bake):
+    for text in peculiarities(bake.manifest):
         note(text)
 
 
 def note_health(bake: Bake) -> None:
     """Print the number of suspicious texels of each kind, if there are any."""
-    for text in suspicions(bake):
+    for text in suspicions(bake.manifest, bake.path):
         note(text)
 
 

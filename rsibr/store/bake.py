@@ -54,7 +54,7 @@ class Bake(DescribedMaps):
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know: of the material, the environment, the plan, and of suspicious texels."""
-        return peculiarities(self) + suspicions(self)
+        return peculiarities(self.manifest) + suspicions(self.manifest, self.path)
 
     def map(self, index: int) -> MapFile:
         """Read the map of one view.

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
-if TYPE_CHECKING:
-    from rsibr.store.bake import Bake
+from rsibr.store.manifest import Manifest
 
 
-def peculiarities(bake: Bake) -> tuple[str, ...]:
+def peculiarities(told: Manifest) -> tuple[str, ...]:
     """Notes on the material, effects that were forced off, the environment, and values that were clipped."""
-    told = bake.manifest
     notes = [f"{told.material.name}: {text}" for text in told.material.notes]
     notes += told.plan.notes() if told.plan else ()
     environment = told.environment
@@ -22,9 +20,9 @@ def peculiarities(bake: Bake) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def suspicions(bake: Bake) -> tuple[str, ...]:
+def suspicions(told: Manifest, path: Path) -> tuple[str, ...]:
     """Note of the number of suspicious texels of each kind, if there are any."""
-    records = [state.health for state in bake.manifest.views if state.health is not None]
+    records = [state.health for state in told.views if state.health is not None]
     counts = {
         "non-finite": sum(record.non_finite for record in records),
         "missing": sum(record.holes for record in records),
@@ -32,4 +30,4 @@ def suspicions(bake: Bake) -> tuple[str, ...]:
         "half-float overflow": sum(record.half_overflow for record in records),
     }
     found = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
-    return (f"suspicious texels: {found}. `rsibr check {bake.path}` lists them",) if found else ()
+    return (f"suspicious texels: {found}. `rsibr check {path}` lists them",) if found else ()

@@ -55,7 +55,8 @@ def side_by_side(
     rows = math.ceil(len(shown) / columns)
     bar = 0.0 if scale is None else _BAR
     width = min((_WIDTH - bar) / columns, 3.0)
-    height = width * max((one.shape[0] / one.shape[1] for _, one in shown if one is not None), default=1.0)
+    aspects = [one.shape[0] / one.shape[1] for _, one in shown if one is not None]
+    height = width * min(max(aspects, default=1.0), 1.0)
     lines = max((title.count("\n") + 1 for title, _ in shown), default=1)
     figure = Figure(figsize=(width * columns + bar, (height + _TITLE * lines) * rows), layout="constrained")
     places = figure.subplots(rows, columns, squeeze=False).ravel()

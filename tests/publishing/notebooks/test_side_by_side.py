@@ -40,7 +40,7 @@ def test_a_scale_stands_beside_them_with_its_own_words():
     assert [text.get_text() for text in bar.get_yticklabels()] == [text for _, text in scale.ticks]
 
 
-@pytest.mark.parametrize("shape", [(10, 20), (20, 10)])
-def test_a_figure_is_as_high_as_its_pictures(shape):
+@pytest.mark.parametrize(("shape", "aspect"), [((10, 20), 0.5), ((10, 10), 1.0), ((20, 10), 1.0)])
+def test_a_row_is_as_high_as_its_pictures_but_no_higher_than_wide(shape, aspect):
     width, height = rsibr.side_by_side([("a", picture(*shape)), ("b", picture(*shape))]).get_size_inches()
-    assert height - 0.2 == pytest.approx(width / 2 * shape[0] / shape[1])
+    assert height - 0.2 == pytest.approx(width / 2 * aspect)
