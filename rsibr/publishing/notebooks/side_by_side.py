@@ -73,7 +73,9 @@ def side_by_side(
 
 def _add_scale(figure: Figure, scale: Scale) -> None:
     norm = (LogNorm if scale.logarithmic else Normalize)(scale.low, scale.high)
-    bar = figure.colorbar(ScalarMappable(norm, COLOUR_MAP), ax=figure.axes, shrink=0.6, label=scale.label)
+    bar = figure.colorbar(ScalarMappable(norm, COLOUR_MAP), ax=figure.axes, shrink=0.8)
+    bar.set_label(scale.label, fontsize=8)
+    bar.ax.tick_params(labelsize=8)
     bar.set_ticks([value for value, _ in scale.ticks], labels=[text for _, text in scale.ticks], minor=False)
     bar.minorticks_off()
 
