@@ -185,3 +185,9 @@ def test_public_functions_show_their_progress(name, cell):
     with pytest.raises(TypeError):
         getattr(rsibr, name)(no_such_argument=1)
     assert [state["text/plain"] for state in cell[0]][-1] == ""
+
+
+def test_ipython_in_a_log_shows_lines(monkeypatch, capfd):
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=object))  # a shell, but no kernel
+    count(2)
+    assert capfd.readouterr().err.startswith("count: preparing\n")
