@@ -43,13 +43,19 @@ if TYPE_CHECKING:
     from rsibr.methods.reconstruction import reconstruct as reconstruct
     from rsibr.methods.registry import method_names as method_names
     from rsibr.methods.registry import register as register
+    from rsibr.publishing.notebooks.side_by_side import side_by_side as side_by_side
     from rsibr.publishing.page.page import view as view
     from rsibr.publishing.publish import publish as publish
     from rsibr.resources import configs as configs
+    from rsibr.resources import scenes as scenes
     from rsibr.scene.config import load_config as load_config
+    from rsibr.shading.cameras.fitted_camera import fitted_camera as fitted_camera
     from rsibr.shading.integrator import register_plugins as register_plugins
     from rsibr.shading.pictures.sequence import render_sequence as render_sequence
     from rsibr.shading.render import render as render
+    from rsibr.shading.renderer import ObjectRenderer as ObjectRenderer
+    from rsibr.shading.scenes.scene_file import open_scene as open_scene
+    from rsibr.shown_progress import show_progress as show_progress
     from rsibr.store.bake import open_bake as open_bake
     from rsibr.store.pack import pack as pack
     from rsibr.studies import figures as plots
@@ -57,6 +63,8 @@ if TYPE_CHECKING:
     from rsibr.studies.runner import study as study
     from rsibr.validation import metrics as metrics
     from rsibr.validation.health.check import check as check
+    from rsibr.validation.objects.truths import object_truths as object_truths
+    from rsibr.validation.objects.validation import validate_object as validate_object
     from rsibr.validation.report import pictures as pictures
     from rsibr.validation.validation import timed as timed
     from rsibr.validation.validation import validate as validate
@@ -66,6 +74,7 @@ _HOME = {
     "Lamp": "rsibr.capture.lamps.lamp",
     "Method": "rsibr.methods.protocol",
     "MethodSet": "rsibr.methods.method_set",
+    "ObjectRenderer": "rsibr.shading.renderer",
     "PointwiseMethod": "rsibr.methods.protocol",
     "bake": "rsibr.budget.bake",
     "batch": "rsibr.batches.batch",
@@ -80,11 +89,14 @@ _HOME = {
     "check": "rsibr.validation.health.check",
     "compare": "rsibr.studies.compare.runner",
     "configs": "rsibr.resources",
+    "fitted_camera": "rsibr.shading.cameras.fitted_camera",
     "import_maps": "rsibr.capture.maps.imported",
     "load_config": "rsibr.scene.config",
     "method_names": "rsibr.methods.registry",
     "node_cosines": "rsibr.lobes.albedo",
+    "object_truths": "rsibr.validation.objects.truths",
     "open_bake": "rsibr.store.bake",
+    "open_scene": "rsibr.shading.scenes.scene_file",
     "pack": "rsibr.store.pack",
     "plan": "rsibr.budget.bake",
     "point_lamp": "rsibr.capture.lamps.lamp",
@@ -94,9 +106,13 @@ _HOME = {
     "register_plugins": "rsibr.shading.integrator",
     "render": "rsibr.shading.render",
     "render_sequence": "rsibr.shading.pictures.sequence",
+    "scenes": "rsibr.resources",
+    "show_progress": "rsibr.shown_progress",
+    "side_by_side": "rsibr.publishing.notebooks.side_by_side",
     "study": "rsibr.studies.runner",
     "timed": "rsibr.validation.validation",
     "validate": "rsibr.validation.validation",
+    "validate_object": "rsibr.validation.objects.validation",
     "view": "rsibr.publishing.page.page",
 }
 """Module that holds each public function and class."""
@@ -116,6 +132,7 @@ __all__ = [
     "Lamp",
     "Method",
     "MethodSet",
+    "ObjectRenderer",
     "PointwiseMethod",
     "__version__",
     "bake",
@@ -131,12 +148,15 @@ __all__ = [
     "check",
     "compare",
     "configs",
+    "fitted_camera",
     "import_maps",
     "load_config",
     "method_names",
     "metrics",
     "node_cosines",
+    "object_truths",
     "open_bake",
+    "open_scene",
     "pack",
     "pictures",
     "plan",
@@ -148,9 +168,13 @@ __all__ = [
     "register_plugins",
     "render",
     "render_sequence",
+    "scenes",
+    "show_progress",
+    "side_by_side",
     "study",
     "timed",
     "validate",
+    "validate_object",
     "view",
 ]
 

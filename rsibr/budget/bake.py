@@ -18,8 +18,9 @@ from rsibr.errors import BakeError
 from rsibr.job_size import JobSize
 from rsibr.methods.registry import require_method_options
 from rsibr.planning.plan import Plan
-from rsibr.progress import Progress
+from rsibr.progress import BAKE, Progress
 from rsibr.scene.config import Config, ConfigLike, config_of, parse_config
+from rsibr.shown_progress import shows_progress
 from rsibr.store.bake import Bake, BakeWriter, open_bake
 from rsibr.store.difference import changes
 from rsibr.store.directory import claim_directory
@@ -31,6 +32,7 @@ _BY_CONTENT = ("environment", "material", "plugins")
 """Tables of a config that are compared by the digest of what they name, not by the names of files."""
 
 
+@shows_progress(BAKE)
 @backend.in_session
 def bake(
     config: ConfigLike,

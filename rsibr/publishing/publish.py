@@ -15,9 +15,11 @@ from numpy.typing import ArrayLike
 from rsibr import backend
 from rsibr.errors import InputError, printable
 from rsibr.job_size import JobSize
+from rsibr.progress import Job
 from rsibr.publishing.published_view import PublishedLight, PublishedView
 from rsibr.publishing.registry import Encoded, Format, format_of, formats_of
 from rsibr.publishing.view_source import ViewSource
+from rsibr.shown_progress import shows_progress
 from rsibr.store.atomic import write_atomic
 from rsibr.store.bake import open_bake
 from rsibr.store.directory import make_folder
@@ -52,6 +54,7 @@ class Published:
     seconds: float
 
 
+@shows_progress(Job("publish"))
 @backend.in_session
 def publish(
     bake: StoredMaps | Path | str,

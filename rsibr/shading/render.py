@@ -15,6 +15,7 @@ from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.job_size import JobSize
 from rsibr.methods.job import maps_memory
+from rsibr.progress import Job
 from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.cameras.camera_choice import chosen_camera
 from rsibr.shading.cameras.view_check import view_notes
@@ -26,6 +27,7 @@ from rsibr.shading.scenes.lit_scene import require_one_light
 from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.scenes.scene_file import open_scene
 from rsibr.shading.surface_types import SurfaceTypes, lost_structure
+from rsibr.shown_progress import shows_progress
 from rsibr.store.bake import Bake
 from rsibr.store.image_kind import image_kind
 
@@ -148,6 +150,7 @@ class RenderJob:
         )
 
 
+@shows_progress(Job("render", "pictures"))
 def render(
     scene: Scene,
     bakes: Bakes,

@@ -19,6 +19,7 @@ from rsibr.store.light_file import decode_light, is_negative
 from rsibr.store.manifest import LIGHT_NAME, MANIFEST_NAME, Manifest, read_manifest
 from rsibr.store.map_file import MapFile, decode_map
 from rsibr.store.map_header import MapHeader, check_header
+from rsibr.store.notes import peculiarities, suspicions
 from rsibr.store.sidecar import sidecar_file
 from rsibr.store.stamp import file_state, is_stamped, stamp
 from rsibr.store.writer import BakeWriter
@@ -49,6 +50,11 @@ class Bake(DescribedMaps):
     def config(self) -> dict[str, Any]:
         """The config as it was asked for, as JSON holds it: whatever takes a config takes this one."""
         return self.manifest.config
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know: of the material, the environment, the plan, and of suspicious texels."""
+        return peculiarities(self.manifest) + suspicions(self.manifest, self.path)
 
     def map(self, index: int) -> MapFile:
         """Read the map of one view.

@@ -14,7 +14,8 @@ from typing import Any
 from rsibr import backend, clock
 from rsibr.job_size import JobSize
 from rsibr.late import late
-from rsibr.progress import Progress
+from rsibr.progress import STUDY, Progress
+from rsibr.shown_progress import shows_progress
 from rsibr.store.tabular import Tabular
 from rsibr.studies.agenda import Agenda, agenda_of
 from rsibr.studies.analysis import SceneAnalysis, analyse
@@ -82,6 +83,7 @@ class Study(Tabular):
         ]
 
 
+@shows_progress(STUDY)
 @backend.in_session
 def study(
     config: StudyConfig | Mapping[str, Any] | Path | str,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rsibr.errors import CheckFailed
 from rsibr.store.noise import COVERED, denominator
 from rsibr.validation.estimate import Estimate, jackknife, mean_estimate
-from rsibr.validation.flip import Exposures, flip_map
+from rsibr.validation.flip import Exposures, exposures_for, flip_map
 from rsibr.validation.reference import Reference
 
 ZONES: dict[str, tuple[float, float]] = {"inner": (0.0, 2 / 3), "middle": (2 / 3, 0.9), "rim": (0.9, np.inf)}
@@ -85,7 +85,7 @@ class MapError:
 def compare(
     candidate: NDArray[np.floating],
     reference: Reference,
-    exposures: Exposures,
+    exposures: Exposures | None = None,
     name: str = "candidate",
     zones: Mapping[str, NDArray[np.bool_]] | None = None,
 ) -> MapError:
@@ -97,8 +97,9 @@ def compare(
         Radiance, scene-linear, coverage divided out. Texels without coverage are ignored.
     reference : Reference
         Reference of the same view and resolution, with at least three buffers.
-    exposures : Exposures
-        Exposures of FLIP from `exposures_for`; the same for all views and methods to be compared.
+    exposures : Exposures, optional
+        Exposures of FLIP from `exposures_for`; the same for all views and methods whose FLIP is compared. By default
+        around the mean of this reference.
     name : str
         Name of the candidate in error messages.
     zones : mapping of str to ndarray of bool, shape (H, W), optional
@@ -127,6 +128,7 @@ def compare(
     squared = (a - b) ** 2 / denominator(b)
     judged_zones = _zones(judged) if zones is None else within(zones, judged)
     all_channels, channels, by_zone = _relative_mse(a, buffers, judged_zones)
+    exposures = exposures or exposures_for(float(reference.mean[judged].mean()))
     perceived = _masked(flip_map(_only(reference.mean, judged), _only(candidate, judged), exposures), judged)
     return MapError(
         rel_mse=all_channels,

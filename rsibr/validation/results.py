@@ -255,6 +255,7 @@ class Validation(Tabular):
         errors = ", ".join(f"{name} {one.rel_mse.value:.3g}" for name, one in self.summary.items())
         return f"Validation({self.bake.name!r} at {len(self.views)} views; relMSE: {errors})"
 
+    show = late("rsibr.publishing.notebooks.plots:show_validation", "Figure of one view by all methods.")
     plot = late("rsibr.publishing.notebooks.plots:plot_validation", "Figure of each method's error over its time.")
     _repr_html_ = late("rsibr.publishing.notebooks.cards:validation_card", "Card for a notebook.")
 

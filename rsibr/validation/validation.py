@@ -23,7 +23,9 @@ from rsibr.methods.method_set import MethodSet
 from rsibr.methods.protocol import Cost, Method
 from rsibr.methods.reconstruction import Reconstruction, run
 from rsibr.methods.registry import available, method_names, registration
+from rsibr.progress import Job
 from rsibr.scene.environment import Environment
+from rsibr.shown_progress import shows_progress
 from rsibr.store.bake import Bake, open_bake
 from rsibr.store.map_file import MapFile
 from rsibr.validation.eval_error import judge_eval
@@ -49,6 +51,7 @@ _VIEW_BRANCH = 0x76696577
 """Branch of the seed tree (the letters "view") for novel views."""
 
 
+@shows_progress(Job("validate"))
 @backend.in_session
 def validate(
     bake: Bake | Path | str,

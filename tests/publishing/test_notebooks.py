@@ -59,6 +59,8 @@ def test_validations_are_tables_plots_and_cards(tmp_path, monkeypatch):
     assert len(card) < 80_000
     texts = [text.get_text() for text in plot_validation(validation).axes[0].get_legend().get_texts()]
     assert texts == ["nearest", "cabral1999", "perfect"]
+    shown = [axes.get_title().partition("\n")[0] for axes in validation.show(errors=True).axes]
+    assert shown == ["reference", "nearest", "cabral1999", "perfect", "", "", "", "", ""]  # a scale at the end
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(MachineError, match="pandas is not installed"):
         validation.to_dataframe()

@@ -7,14 +7,21 @@ illumination table.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr import backend
+from rsibr.geometry.projections.latlong import POLAR
+from rsibr.light.projected import light_in
+from rsibr.light.radiance import light_of
 from rsibr.methods.miller1984.convolution import convolved, texel_areas
 from rsibr.methods.miller1984.polar_table import Lookup
 from rsibr.methods.miller1984.reflectance import Reflectance, lambert
 from rsibr.methods.miller1984.tables import DIFFUSE_ROWS, resized
+from rsibr.scene.config import EnvironmentConfig
+from rsibr.scene.environment import load_environment
 
 Array = NDArray[np.float64]
 
@@ -47,6 +54,13 @@ class TableError:
     of_peak: float
     exact: Array
     looked_up: Array
+
+
+@backend.in_session
+def illumination_table(file: Path | str, rows: int = 252) -> Array:
+    """Illumination table of an environment file, shape (rows, 2 rows, 3) [W sr⁻¹ m⁻²]."""
+    light = light_of(load_environment(EnvironmentConfig(file=Path(file))), with_image=False)
+    return np.asarray(light_in(light, POLAR, rows)[0], dtype=np.float64)
 
 
 def lookup_error(

@@ -1,20 +1,18 @@
-"""Ready-made plots: `bake.show()`, `report.plot()`, `study.plot()`."""
+"""Ready-made plots: `bake.show()`, `report.show()`, `report.plot()`, `study.plot()`."""
 
 from __future__ import annotations
-
-import importlib
-import math
-import sys
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from rsibr.errors import InputError
 from rsibr.publishing.notebooks.colours import of_maps
+from rsibr.publishing.notebooks.side_by_side import displayed, side_by_side
 from rsibr.store.bake import Bake
+from rsibr.store.png_file import Rgba, tone_mapped
 from rsibr.studies.figures import colour_of, count_in, headline, logarithmic, styled
 from rsibr.studies.runner import Study
+from rsibr.validation.report.pictures import RELATIVE_ERROR, display_exposure, false_colour
 from rsibr.validation.results import Validation
 
 _MOST_MAPS = 12
@@ -32,16 +30,36 @@ def show_bake(bake: Bake, *, most: int = _MOST_MAPS) -> Figure:
         Maps to show; of more views they are spread evenly.
     """
     chosen = np.unique(np.linspace(0, bake.view_count - 1, min(bake.view_count, most)).astype(int))
-    columns = min(len(chosen), _COLUMNS)
-    rows = math.ceil(len(chosen) / columns)
-    figure = Figure(figsize=(1.7 * columns, 1.9 * rows), layout="constrained")
-    places = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes in places:
-        axes.axis("off")
-    for axes, picture, index in zip(places, of_maps([bake.map(int(k)) for k in chosen]), chosen, strict=False):
-        axes.imshow(picture)
-        axes.set_title("({:+.2f}, {:+.2f}, {:+.2f})".format(*bake.directions[index]), fontsize=7.5)
-    return _displayed(figure)
+    titles = ["({:+.2f}, {:+.2f}, {:+.2f})".format(*bake.directions[index]) for index in chosen]
+    return side_by_side(zip(titles, of_maps([bake.map(int(index)) for index in chosen]), strict=True))
+
+
+def show_validation(validation: Validation, *, view: int = 0, errors: bool = False) -> Figure:
+    """Reference of one view and the map by each method, at one exposure, with their relMSE.
+
+    Parameters
+    ----------
+    validation : Validation
+        Results of `rsibr.validate`.
+    view : int
+        Number of the view.
+    errors : bool
+        Whether to show below each map the relative error of its texels, noise of the reference included.
+    """
+    of = validation.views[view]
+    reference = of.reference
+    exposure = display_exposure([one.reference for one in validation.views])
+    shown: list[tuple[str, Rgba | None]] = [
+        ("reference", tone_mapped(reference.mean, reference.coverage, exposure)),
+        *(
+            (f"{name}\nrelMSE {one.error.rel_mse}", tone_mapped(one.image, reference.coverage, exposure))
+            for name, one in of.methods.items()
+        ),
+    ]
+    if not errors:
+        return side_by_side(shown, columns=_COLUMNS - 1)
+    below = [("", false_colour(one.error.relative_error, RELATIVE_ERROR)) for one in of.methods.values()]
+    return side_by_side([*shown, ("", None), *below], columns=len(shown), scale=RELATIVE_ERROR)
 
 
 @styled
@@ -66,11 +84,11 @@ def _error_and_time(validation: Validation) -> Figure:
 
 def plot_validation(validation: Validation) -> Figure:
     """Error of each method over its time a map; grey: below the noise of the reference."""
-    return _displayed(_error_and_time(validation))
+    return displayed(_error_and_time(validation))
 
 
 def plot_study(study: Study) -> Figure:
-    """Least error over the time of the whole job, and the gain of twice the time.
+    """Least error over the time of the whole job, and the gain of twice the time; see `rsibr.plots` for others.
 
     Raises
     ------
@@ -80,18 +98,4 @@ def plot_study(study: Study) -> Figure:
     if not study.document.doubling:
         fix = "study.to_dataframe() has the errors; leave `judge.errors_only` out to measure times"
         raise InputError("only errors were measured, no times to plot them over", where=study.document.name, fix=fix)
-    return _displayed(headline(study.document))
-
-
-def _displayed(figure: Figure) -> Figure:
-    """See that a notebook shows figures that no `pyplot` made."""
-    shell = _notebook()
-    if shell is not None:
-        importlib.import_module("IPython.core.pylabtools").select_figure_formats(shell, {"png"})
-    return figure
-
-
-def _notebook() -> Any:
-    """The IPython that this code runs in, or None."""
-    module = sys.modules.get("IPython")
-    return None if module is None else module.get_ipython()
+    return displayed(headline(study.document))

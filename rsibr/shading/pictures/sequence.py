@@ -18,6 +18,7 @@ from rsibr.errors import InputError
 from rsibr.job_size import JobSize
 from rsibr.machine import make_folder
 from rsibr.methods.registry import default_method, method_digest
+from rsibr.progress import Job
 from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.cameras.camera_choice import chosen_camera
 from rsibr.shading.cameras.camera_path import MOST_FRAMES, along_path, read_path, turntable
@@ -29,6 +30,7 @@ from rsibr.shading.pictures.sequence_record import SequenceRecord, read_record, 
 from rsibr.shading.render import Bakes, Occlusion, OnProgress, RenderJob, Scene, exposure_factor
 from rsibr.shading.renderer import RAYS
 from rsibr.shading.scenes.object_scene import ObjectScene
+from rsibr.shown_progress import shows_progress
 from rsibr.source_code import source_digest
 from rsibr.store.atomic import checksum, file_checksum, write_atomic
 from rsibr.store.image_kind import image_kind
@@ -118,6 +120,7 @@ class FrameFiles:
         return self.out.with_name(f"{stem[: mark.start()]}{index + 1:0{digits}d}{stem[mark.end() :]}{self.out.suffix}")
 
 
+@shows_progress(Job("render", "frames"))
 def render_sequence(
     scene: Scene,
     bakes: Bakes,

@@ -14,7 +14,8 @@ from rsibr import backend, clock
 from rsibr.baking.job import LIGHT_BYTES, NOISY_SHARE
 from rsibr.errors import InputError
 from rsibr.job_size import JobSize
-from rsibr.progress import Progress
+from rsibr.progress import Job, Progress
+from rsibr.shown_progress import shows_progress
 from rsibr.store.map_file import map_channels
 from rsibr.store.tabular import Tabular
 from rsibr.studies.agenda import agenda_of
@@ -64,6 +65,7 @@ class Comparison(Tabular):
 Source = CompareConfig | Mapping[str, Any] | Path | str
 
 
+@shows_progress(Job("compare"))
 @backend.in_session
 def compare(
     configs: Sequence[Source],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,7 +15,11 @@ from numpy.typing import NDArray
 from rsibr import backend
 from rsibr.baking.scene import Scene
 from rsibr.geometry.to_device import to_device
-from rsibr.shading.scenes.lit_scene import lit_scene
+from rsibr.shading.cameras.camera import Camera
+from rsibr.shading.renderer import RAYS
+from rsibr.shading.scenes.lit_scene import lit_scene, prepared_scenes
+from rsibr.shading.scenes.object_scene import ObjectScene
+from rsibr.shading.surface_types import SurfaceTypes
 from rsibr.store.bake import Bake
 from rsibr.validation.objects.estimators import Estimator, one_map, open_shading, open_spheres, traced
 from rsibr.validation.objects.primary_rays import LANES_PER_LAUNCH, PrimaryRays
@@ -148,6 +152,50 @@ class ObjectTruths:
         means = [np.array(dr.block_sum(channel, each)) for channel in radiance]
         backend.synchronize()
         return np.stack(means, axis=-1).astype(np.float32)
+
+
+@backend.in_session
+def object_truths(
+    scene: ObjectScene,
+    bakes: Mapping[str, Bake],
+    camera: Camera,
+    *,
+    rays: int = RAYS,
+    samples: int = 1024,
+    buffers: int = MINIMUM_BUFFERS,
+) -> ObjectTruths:
+    """Truths of a picture of an object, each rendered when it is asked for; `rsibr.metrics.compare` takes them.
+
+    Parameters
+    ----------
+    scene : ObjectScene
+        Shapes, from `rsibr.open_scene`.
+    bakes : mapping of str to Bake
+        Bake of each shape by its id; `"*"` stands for all other shapes.
+    camera : Camera
+        Camera, such as `rsibr.fitted_camera`.
+    rays : int
+        Rays a pixel; pictures to be compared are made with as many.
+    samples : int
+        Minimum samples a pixel of each truth, total of all buffers.
+    buffers : int
+        Independent buffers of a truth, at least 8.
+
+    Returns
+    -------
+    ObjectTruths
+        Its methods `open`, `one_map`, `shadowed` and `full` render.
+
+    Raises
+    ------
+    InputError
+        If a shape id is unknown.
+    BakeError
+        If an input of a bake has changed.
+    """
+    primary = PrimaryRays(scene, SurfaceTypes.assign(scene, list(bakes)), camera, rays)
+    seed = int(next(iter(bakes.values())).config["sampling"]["seed"])
+    return ObjectTruths(primary, dict(bakes), prepared_scenes(bakes), samples, buffers, seed)
 
 
 def _sampler(samples: int, lanes: int, seed: int) -> mi.Sampler:

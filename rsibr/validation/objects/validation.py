@@ -12,12 +12,14 @@ from rsibr import backend
 from rsibr.errors import InputError
 from rsibr.job_size import JobSize
 from rsibr.methods.registry import available, method_names, registration
+from rsibr.progress import Job
 from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.pictures.picture import Image, Picture
 from rsibr.shading.renderer import RAYS, ObjectRenderer, opened
 from rsibr.shading.scenes.lit_scene import prepared_scenes, require_one_light
 from rsibr.shading.scenes.object_scene import ObjectScene
 from rsibr.shading.surface_types import SurfaceTypes
+from rsibr.shown_progress import shows_progress
 from rsibr.store.bake import Bake
 from rsibr.validation.equal_error import path_tracing_seconds
 from rsibr.validation.flip import Exposures, exposures_for
@@ -36,6 +38,7 @@ SIDE = 256
 """Pixels a side where none are given: enough for errors, and minutes of path tracing less than a picture to look at."""
 
 
+@shows_progress(Job("validate"))
 @backend.in_session
 def validate_object(
     scene: ObjectScene,

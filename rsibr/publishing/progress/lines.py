@@ -1,4 +1,4 @@
-"""Progress as lines, for a stderr that is no terminal: a log of a killed job says how far it was."""
+"""Progress as lines, for a stderr that is no terminal: the log of a killed job says how far it was."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rsibr.cli.progress_lines import ProgressLines
+from rsibr.publishing.progress.lines import ProgressLines
 
 
 class Clock:
