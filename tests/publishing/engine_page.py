@@ -19,12 +19,14 @@ async () => {
 """
 
 BASE64 = """
-const base64 = (numbers) => {
-  const bytes = new Uint8Array(numbers.buffer, numbers.byteOffset, numbers.byteLength);
-  let text = "";
-  for (let k = 0; k < bytes.length; k += 8192) text += String.fromCharCode(...bytes.subarray(k, k + 8192));
-  return btoa(text);
-};
+() => {
+  window.base64 = (numbers) => {
+    const bytes = new Uint8Array(numbers.buffer, numbers.byteOffset, numbers.byteLength);
+    let text = "";
+    for (let k = 0; k < bytes.length; k += 8192) text += String.fromCharCode(...bytes.subarray(k, k + 8192));
+    return btoa(text);
+  };
+}
 """
 
 
@@ -33,6 +35,7 @@ class EnginePage:
 
     def __init__(self, page: Any) -> None:
         self.page = page
+        self.page.evaluate(BASE64)
         self.page.evaluate(START)
 
     def ask(self, code: str, *arguments: Any) -> Any:
@@ -59,15 +62,22 @@ def html(bundle: Any) -> str:
     """The bare page of a bundle."""
     return (
         "<!doctype html><meta charset=utf-8><title>engine</title>"
-        f"{bundle.to_script()}<script>{BASE64}{engine_script()}</script>"
+        f"{bundle.to_script()}<script>{engine_script()}</script>"
     )
 
 
 @contextmanager
 def engine_page(browser, bundle, folder):
-    """Open the page of a bundle from the disk; an error in it fails the test."""
+    """Open a bare page of a bundle from the disk; see `opened`."""
     file = folder / "engine.html"
     file.write_text(html(bundle), encoding="utf-8")
+    with opened(browser, file) as page:
+        yield page
+
+
+@contextmanager
+def opened(browser, file):
+    """Open a page from the disk, with an engine of the test's own on its bundle; an error in it fails the test."""
     page, errors = browser.new_page(), []
     page.on("pageerror", lambda error: errors.append(str(error)))
     try:
