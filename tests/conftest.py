@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from numpy.typing import NDArray
 
 from rsibr import backend
 from rsibr.scene.trial import IN_TRIAL
+from tests.browser import started
 from tests.scene.maps import asymmetric, gradient, write_exr
 
 
@@ -47,3 +50,10 @@ def gradient_sky(tmp_path_factory: pytest.TempPathFactory, gradient_axis: NDArra
 def asymmetric_environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """EXR with four smooth lights of different colours, which shows every turn and mirroring."""
     return write_exr(tmp_path_factory.mktemp("asymmetric") / "asymmetric.exr", asymmetric())
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Return a headless Chromium; one for all tests, since Playwright starts only once in a thread."""
+    with started() as running:
+        yield running

@@ -3,7 +3,6 @@
 import pytest
 
 from rsibr.baking.baker import bake
-from tests.browser import started
 
 SKY = 'file = "{environment}"'
 PRESET = 'preset = "{material}"'
@@ -20,13 +19,6 @@ resolution = {resolution}
 [sampling]
 samples = {samples}
 """
-
-
-@pytest.fixture(scope="session")
-def browser():
-    """A headless Chromium, one for the session; see `tests.browser`."""
-    with started() as running:
-        yield running
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,6 @@ from rsibr.batches.gallery.entry import GalleryEntry
 from rsibr.batches.gallery.gallery import write_gallery
 from rsibr.batches.gallery.thumbnail import thumbnail, thumbnail_side
 from rsibr.errors import BakeError
-from tests.browser import started
 from tests.validation.report.test_report import Page
 
 HOSTILE = "\"'><script>window.broken = 1</script><img src=x onerror='window.broken = 1'>&amp;{{ 7 * 7 }}"
@@ -119,12 +118,6 @@ def test_a_folder_that_is_none_is_an_error_of_the_user(tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(BakeError, match="file"):
         write_gallery(tmp_path / "file", entries(), "zoo")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with started() as browser:
-        yield browser
 
 
 @pytest.fixture

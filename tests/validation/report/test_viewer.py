@@ -5,16 +5,9 @@ from __future__ import annotations
 import pytest
 
 from rsibr.validation.report.report import write_report
-from tests.browser import started
 from tests.validation.results_double import small_validation, with_lobes
 
 METHODS = {"nearest", "cabral1999", "perfect"}
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with started() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")
