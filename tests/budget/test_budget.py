@@ -98,7 +98,7 @@ def test_a_bake_of_other_code_is_not_reused(config, tmp_path, monkeypatch):
     """One of the same version number too: it may hold other radiance."""
     overrides = [*SMALL, "sampling.samples=64"]
     baked = rsibr.bake(config, out=tmp_path / "b.rsibr", overrides=overrides)
-    for place in ("baker", "finished"):
+    for place in ("planned_manifest", "finished"):
         monkeypatch.setattr(f"rsibr.baking.{place}.baking_code", lambda: "0" * 64)
     with pytest.raises(BakeError, match=r"code of rsibr: .* → 000000000000"):
         rsibr.bake(config, out=baked.path, overrides=overrides)
