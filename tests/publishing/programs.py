@@ -23,8 +23,6 @@ import pytest
 
 NODE = Path(__file__).parent / "node"
 
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-
 
 def missing(what: str) -> None:
     """Skip the test; in CI, where everything is to be there, fail it."""
@@ -69,28 +67,17 @@ def node(script: str, *arguments: object) -> Any:
 
 
 @contextmanager
-def page(folder: Path) -> Iterator[Any]:
+def page(browser: Any, folder: Path) -> Iterator[Any]:
     """Page of `node/cube.html` in Chromium, which may fetch the files of `folder` as `/files/NAME`."""
-    playwright = pytest.importorskip("playwright.sync_api")
     if not (NODE / "node_modules").is_dir():
         missing("no packages of node: run `make browser`")
-    with _served(folder) as address, playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=_chromium(driver), args=FLAGS)
+    with _served(folder) as address:
+        opened = browser.new_page()
         try:
-            opened = browser.new_page()
             opened.goto(f"{address}/cube.html")
             yield opened
         finally:
-            browser.close()
-
-
-def _chromium(driver: Any) -> str:
-    """Path of a Chromium: of the system, or the one that Playwright has fetched."""
-    names = ("chromium", "chromium-browser", "google-chrome", "chrome")
-    found = next(filter(None, map(shutil.which, names)), None) or driver.chromium.executable_path
-    if not Path(found).exists():
-        missing("there is no Chromium: run `make browser`")
-    return found
+            opened.close()
 
 
 class _Handler(http.server.SimpleHTTPRequestHandler):

@@ -195,12 +195,12 @@ def test_levels_are_means_over_solid_angle(tmp_path, view):
 
 
 @pytest.mark.slow
-def test_a_gpu_looks_cubes_up_by_world_directions(tmp_path, view):
+def test_a_gpu_looks_cubes_up_by_world_directions(browser, tmp_path, view):
     """Babylon.js reads the DDS, ktx-parse the KTX2, and WebGL's own samplerCube looks up."""
     written(tmp_path, view, "dds", size=SIZE)
     written(tmp_path, view, "ktx2", size=SIZE)
     d, expected = places()
-    with programs.page(tmp_path) as page:
+    with programs.page(browser, tmp_path) as page:
         page.wait_for_function("!!window.readers", timeout=60_000)
         for kind in ("dds", "ktx2"):
             for level in (0, 1):
@@ -217,10 +217,10 @@ def test_a_gpu_looks_cubes_up_by_world_directions(tmp_path, view):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("call", "name", "gamma"), [("ballOfBabylon", "dds", 2.2), ("ballOfThree", "latlong-hdr", 1)])
-def test_a_mirror_in_another_program_shows_the_map(tmp_path, view, call, name, gamma):
+def test_a_mirror_in_another_program_shows_the_map(browser, tmp_path, view, call, name, gamma):
     """A ball rendered as the documentation says, seen from v, is the sphere map; Babylon.js shows it with a gamma."""
     (file,) = (file for ending, file in written(tmp_path, view, name).items() if not ending.endswith("txt"))
-    with programs.page(tmp_path) as page:
+    with programs.page(browser, tmp_path) as page:
         page.wait_for_function("!!window.readers", timeout=60_000)
         read = page.evaluate(f"([name, v]) => window.readers.{call}(name, v)", [file.name, VIEW.tolist()])
     image = np.array(read).reshape(96, 96, 4)[::-1]
