@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from rsibr.baking.remembered import in_this_process
 from rsibr.studies.agenda import agenda_of, variant_as_is
 from rsibr.studies.config import parse_study
 from rsibr.studies.forecast import Forecast
@@ -111,6 +112,7 @@ def test_a_resumed_study_measures_nothing_again_and_compiles_anew(asymmetric_env
 
 @pytest.mark.slow
 def test_the_miniature_measures_every_part_and_leaves_nothing(asymmetric_environment, tmp_path):
+    in_this_process.forget()  # what earlier tests have probed and fitted would cost nothing
     study = parse_study(tables(asymmetric_environment))
     agenda = agenda_of(study)
     (bench,) = _benches(study, agenda, tmp_path)
