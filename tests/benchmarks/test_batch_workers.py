@@ -22,7 +22,7 @@ name = "{{material}}/{{environment}}"
 material = ["solid-red", "metallic-silver"]
 environment = ["{skies}/city.exr", "{skies}/courtyard.exr"]
 "map.resolution" = [256]
-"sampling.samples" = [256]
+"sampling.samples" = [64]
 
 [run]
 executor = "processes"
