@@ -13,14 +13,13 @@ import hashlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from rsibr.errors import InputError, did_you_mean
 from rsibr.methods.address import code_at, is_address
 from rsibr.methods.method_name import parse_name
 from rsibr.methods.protocol import Method, Needs
-from rsibr.registered import import_all, keyword_options
+from rsibr.registered import import_all, keyword_options, load_entry_points
 from rsibr.source_code import definition_digest, source_digest
 
 if TYPE_CHECKING:
@@ -286,17 +285,4 @@ def baseline_method() -> str:
 def _discover() -> None:
     """Import every module of this package and every entry point, once; each registers its methods."""
     import_all("rsibr.methods")
-    for entry in entry_points(group=ENTRY_POINTS):
-        _load(entry)
-
-
-def _load(entry: Any) -> None:
-    """Load one entry point; an error names the package that caused it."""
-    try:
-        entry.load()
-    except Exception as error:
-        raise InputError(
-            f"cannot be loaded: {type(error).__name__}: {error}",
-            where=f"entry point '{entry.name}' of {ENTRY_POINTS} ({entry.value})",
-            fix="fix or uninstall that package",
-        ) from error
+    load_entry_points(ENTRY_POINTS)

@@ -12,13 +12,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from importlib.metadata import entry_points
 from typing import Any, Literal, TypeVar
 
 from rsibr.errors import InputError, did_you_mean
 from rsibr.methods.address import code_at, is_address
 from rsibr.methods.method_name import parse_name
-from rsibr.registered import import_all, keyword_options
+from rsibr.registered import import_all, keyword_options, load_entry_points
 
 ENTRY_POINTS = "rsibr.publishing.formats"
 """Entry-point group in which other packages declare formats."""
@@ -235,17 +234,4 @@ def _separate(text: str) -> list[str]:
 def _discover() -> None:
     """Import every module of formats and every entry point, once; each registers its formats."""
     import_all("rsibr.publishing.formats")
-    for entry in entry_points(group=ENTRY_POINTS):
-        _load(entry)
-
-
-def _load(entry: Any) -> None:
-    """Load one entry point; an error names the package that caused it."""
-    try:
-        entry.load()
-    except Exception as error:
-        raise InputError(
-            f"cannot be loaded: {type(error).__name__}: {error}",
-            where=f"entry point '{entry.name}' of {ENTRY_POINTS} ({entry.value})",
-            fix="fix or uninstall that package",
-        ) from error
+    load_entry_points(ENTRY_POINTS)

@@ -23,6 +23,7 @@ from rsibr.methods.registry import (
     registrations,
     unregister,
 )
+from rsibr.registered import load_entry_point
 from rsibr.store.bake import Bake
 from tests.arrays import to_numpy, unit_vectors, vector
 
@@ -44,7 +45,7 @@ def toy(tmp_path, monkeypatch):
     (tmp_path / "toy_grey.py").write_text(TOY)
     monkeypatch.syspath_prepend(tmp_path)
     method_names()  # what is found by itself has been found by now
-    registry._load(EntryPoint("grey", "toy_grey", registry.ENTRY_POINTS))
+    load_entry_point(EntryPoint("grey", "toy_grey", registry.ENTRY_POINTS))
     yield "grey"
     unregister("grey")
     monkeypatch.delitem(sys.modules, "toy_grey")
@@ -65,7 +66,7 @@ def test_a_module_that_cannot_be_loaded_is_named(tmp_path, monkeypatch):
     (tmp_path / "toy_broken.py").write_text("1 / 0")
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(InputError, match=r"entry point 'x' of rsibr.methods \(toy_broken\): .*ZeroDivisionError"):
-        registry._load(EntryPoint("x", "toy_broken", registry.ENTRY_POINTS))
+        load_entry_point(EntryPoint("x", "toy_broken", registry.ENTRY_POINTS))
 
 
 def test_a_set_of_methods_is_a_mapping_of_what_the_bake_serves(small_bakes):

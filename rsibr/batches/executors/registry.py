@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from importlib.metadata import entry_points
 from typing import Protocol, TypeVar
 
 from rsibr.batches.config import RunConfig
 from rsibr.batches.ledger import Ledger
 from rsibr.errors import InputError, did_you_mean
-from rsibr.registered import import_all
+from rsibr.registered import import_all, load_entry_points
 
 ENTRY_POINTS = "rsibr.executors"
 """Entry-point group in which other packages declare executors."""
@@ -95,5 +94,4 @@ def executor_of(name: str) -> Executor:
 @cache
 def _discover() -> None:
     import_all("rsibr.batches.executors")
-    for entry in entry_points(group=ENTRY_POINTS):
-        entry.load()
+    load_entry_points(ENTRY_POINTS)
