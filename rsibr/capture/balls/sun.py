@@ -13,6 +13,7 @@ from scipy import ndimage, optimize
 from rsibr.capture.balls.ball_photograph import BallPhotograph
 from rsibr.capture.lamps.hat import hat_integrals, texel_centres
 from rsibr.errors import InputError
+from rsibr.geometry.frame import view_frame
 
 Array = NDArray[np.float64]
 
@@ -160,9 +161,7 @@ def _explained(around: Array, facing: Array, shown: Array, reflectance: float | 
 
 def _refined(toward: Array, left_over: Callable[[Array], Array]) -> Array:
     """Direction near another for which least is left unexplained: where the light on the ball ends tells it best."""
-    side = np.cross(toward, [1.0, 0.0, 0.0] if abs(toward[0]) < 0.9 else [0.0, 1.0, 0.0])
-    side /= np.linalg.norm(side)
-    other = np.cross(toward, side)
+    side, other, _ = view_frame(toward).T
 
     def direction(slopes: Array) -> Array:
         moved = toward + slopes[0] * side + slopes[1] * other

@@ -7,11 +7,11 @@ its irradiance out among the four texels around its direction by their bilinear 
 
 from __future__ import annotations
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr.geometry.projections.latlong import MITSUBA
+from rsibr.geometry.projections.sphere_image import texel_directions
 
 
 def hat_integrals(height: int, width: int) -> NDArray[np.float64]:
@@ -93,6 +93,5 @@ def radiance_integral(image: NDArray[np.floating], direction: ArrayLike, half_an
 
 def texel_centres(height: int, width: int) -> NDArray[np.float64]:
     """Directions of the texels' centres, shape (H, W, 3)."""
-    row, column = np.mgrid[:height, :width]
-    p = mi.Point2f(((column.ravel() + 0.5) / width).astype(np.float32), (row.ravel() / (height - 1)).astype(np.float32))
-    return np.array(MITSUBA.direction(mi.UInt32(0), p), dtype=np.float64).T.reshape(height, width, 3)
+    centres = np.array(texel_directions(MITSUBA, (height, width)), dtype=np.float64)
+    return centres.T.reshape(height, width, 3)

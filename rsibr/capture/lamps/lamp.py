@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rsibr.capture.direction import unit
 from rsibr.capture.lamps.hat import add_light
 from rsibr.errors import InputError
+from rsibr.geometry.frame import view_frame
 
 NEAR = 30.0
 """Distance in radii of the object below which a table errs by more than 5 %.
@@ -110,8 +111,6 @@ def _disc(axis: NDArray[np.float64], half_angle: float) -> tuple[NDArray[np.floa
     index = np.arange(_POINTS) + 0.5
     cosine = 1 - index / _POINTS * (1 - math.cos(half_angle))
     sine, turn = np.sqrt(1 - cosine**2), index * _GOLDEN
-    side = np.cross(axis, [1.0, 0.0, 0.0] if abs(axis[0]) < 0.9 else [0.0, 1.0, 0.0])
-    side /= np.linalg.norm(side)
-    other = np.cross(axis, side)
+    side, other, _ = view_frame(axis).T
     around = np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * other
     return cosine[:, None] * axis + sine[:, None] * around, cosine

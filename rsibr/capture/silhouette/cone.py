@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsibr.capture.cameras.pinhole import Pinhole
 from rsibr.errors import InputError
+from rsibr.geometry.frame import view_frame
 
 _LEAST_POINTS = 8
 
@@ -38,9 +39,7 @@ class Cone:
 
     def rim(self, camera: Pinhole, count: int = 256) -> NDArray[np.float64]:
         """Places of the rim in the picture [pixels], shape (count, 2)."""
-        side = np.cross(self.axis, [1.0, 0.0, 0.0] if abs(self.axis[0]) < 0.9 else [0.0, 1.0, 0.0])
-        side /= np.linalg.norm(side)
-        other = np.cross(self.axis, side)
+        side, other, _ = view_frame(self.axis).T
         turn = np.linspace(0, 2 * np.pi, count, endpoint=False)[:, None]
         around = np.cos(turn) * side + np.sin(turn) * other
         rays = np.cos(self.half_angle) * self.axis + np.sin(self.half_angle) * around
