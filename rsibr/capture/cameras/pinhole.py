@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsibr.errors import InputError
+from rsibr.shading.cameras.camera import Camera
 
 _ORTHONORMAL = 1e-3
 
@@ -76,17 +77,16 @@ class Pinhole:
             Horizontal field of view [degrees].
         width, height : int
             Pixels.
+
+        Raises
+        ------
+        InputError
+            If the position is the target, or the field of view is out of range.
         """
-        eye = np.asarray(position, dtype=np.float64)
-        forward = np.asarray(target, dtype=np.float64) - eye
-        forward /= np.linalg.norm(forward)
-        right = np.cross(forward, np.asarray(up, dtype=np.float64))
-        if np.linalg.norm(right) < 1e-6:
-            right = np.cross(forward, [0.0, 0.0, -1.0] if abs(forward[2]) < 0.9 else [1.0, 0.0, 0.0])
-        right /= np.linalg.norm(right)
-        focal = width / (2 * np.tan(np.radians(fov_deg) / 2))
-        axes = np.stack([right, np.cross(forward, right), forward], axis=1)
-        return cls(width, height, np.full(2, focal), np.array([width, height]) / 2, eye, axes)
+        camera = Camera.look_at(position, target, up, fov_deg=fov_deg, width=width, height=height)
+        focal = np.full(2, width / (2 * camera.half_width))
+        axes = camera.axes * np.array([1.0, -1.0, -1.0])  # its columns: right, up, backward
+        return cls(width, height, focal, np.array([width, height]) / 2, camera.position, axes)
 
     def directions(self, places: ArrayLike) -> NDArray[np.float64]:
         """Unit world directions of the rays through places of the picture, shape (..., 2) to (..., 3)."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rsibr.capture.photographs.exposure import Exposure
 
-_EXIF_TABLE, _SECONDS, _F_NUMBER, _ISO, _ORIENTATION = 0x8769, 33434, 33437, 34855, 0x0112
+EXIF_TABLE, SECONDS, F_NUMBER, ISO, ORIENTATION = 0x8769, 33434, 33437, 34855, 0x0112
 """Tags of EXIF 2.3."""
 
 
@@ -43,18 +43,18 @@ def exif_of(data: bytes) -> ExifData:
             warnings.simplefilter("ignore")  # on damaged tags, and on the number of pixels, which are not decoded here
             with Image.open(io.BytesIO(data)) as picture:
                 tags = picture.getexif()
-                table = tags.get_ifd(_EXIF_TABLE)
+                table = tags.get_ifd(EXIF_TABLE)
     except Exception:  # whatever a damaged header makes of the library: nothing is known
         return ExifData()
-    orientation = tags.get(_ORIENTATION, 1)
+    orientation = tags.get(ORIENTATION, 1)
     return ExifData(_exposure(table), orientation if orientation in range(1, 9) else 1)
 
 
 def _exposure(table: dict[int, object]) -> Exposure | None:
-    seconds = _positive(table.get(_SECONDS))
+    seconds = _positive(table.get(SECONDS))
     if seconds is None:
         return None
-    return Exposure(seconds, _positive(table.get(_F_NUMBER)) or 1.0, _positive(table.get(_ISO)) or 100.0)
+    return Exposure(seconds, _positive(table.get(F_NUMBER)) or 1.0, _positive(table.get(ISO)) or 100.0)
 
 
 def _positive(value: object) -> float | None:

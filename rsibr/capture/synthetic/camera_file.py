@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rsibr.capture.photographs.exif import EXIF_TABLE, F_NUMBER, ISO, SECONDS
 from rsibr.capture.photographs.exposure import Exposure
 from rsibr.store.atomic import write_atomic
-
-_EXIF_TABLE, _SECONDS, _F_NUMBER, _ISO = 0x8769, 33434, 33437, 34855
 
 
 def write_photograph(path: Path | str, values: NDArray[np.integer], exposure: Exposure | None = None) -> None:
@@ -36,7 +35,7 @@ def _png8(values: NDArray[np.integer], exposure: Exposure | None) -> bytes:
     picture = Image.fromarray(np.ascontiguousarray(values, dtype=np.uint8))
     tags = picture.getexif()
     if exposure is not None:
-        tags[_EXIF_TABLE] = {_SECONDS: exposure.seconds, _F_NUMBER: exposure.f_number, _ISO: round(exposure.iso)}
+        tags[EXIF_TABLE] = {SECONDS: exposure.seconds, F_NUMBER: exposure.f_number, ISO: round(exposure.iso)}
     picture.save(stream, "png", exif=tags)
     return stream.getvalue()
 
