@@ -12,14 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenEXR
 from numpy.typing import NDArray
 
 from rsibr.errors import InputError
 from rsibr.machine import make_folder
+from rsibr.store import exr
 from rsibr.store.atomic import read_bytes, write_atomic
-from rsibr.store.exr import open_exr
-from rsibr.store.map_file import REC709
 
 Picture = NDArray[np.float32]
 
@@ -34,21 +32,10 @@ def encode_parts(pictures: Mapping[str, NDArray[Any]], attributes: Mapping[str, 
     attributes : mapping, optional
         Attributes of every part.
     """
-    header = {
-        "type": OpenEXR.scanlineimage,
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "chromaticities": REC709,
-        "software": "rsibr",
-        **(attributes or {}),
-    }
-    parts = [
-        OpenEXR.Part(dict(header), _channels(picture, name if index else ""), name)
+    return exr.encode_parts(
+        (name, _channels(picture, name if index else ""), attributes or {})
         for index, (name, picture) in enumerate(pictures.items())
-    ]
-    stream = io.BytesIO()
-    with OpenEXR.File(parts) as file:
-        file.write(stream)
-    return stream.getvalue()
+    )
 
 
 def write_parts(
@@ -74,7 +61,7 @@ def read_parts(path: Path) -> dict[str, Picture]:
         If it is no OpenEXR file, or a part of it has other channels.
     """
     try:
-        with open_exr(io.BytesIO(read_bytes(path))) as file:
+        with exr.open_exr(io.BytesIO(read_bytes(path))) as file:
             return {part.name(): _picture(part, index) for index, part in enumerate(file.parts)}
     except (RuntimeError, ValueError, TypeError, KeyError, MemoryError) as error:
         raise InputError(
@@ -91,17 +78,16 @@ def part_names(path: Path) -> tuple[str, ...]:
         If the file cannot be read.
     """
     try:
-        with open_exr(io.BytesIO(read_bytes(path)), header_only=True) as file:
+        with exr.open_exr(io.BytesIO(read_bytes(path)), header_only=True) as file:
             return tuple(part.name() for part in file.parts)
     except (RuntimeError, ValueError, TypeError, KeyError, MemoryError):
         return ()
 
 
 def _channels(picture: NDArray[Any], prefix: str) -> dict[str, Picture]:
-    """Contiguous channels: OpenEXR ignores strides."""
     if picture.ndim == 2:
-        return {prefix or "Y": np.ascontiguousarray(picture, dtype=np.float32)}
-    return {f"{prefix}{name}": np.ascontiguousarray(picture[..., k], dtype=np.float32) for k, name in enumerate("RGB")}
+        return {prefix or "Y": np.asarray(picture, dtype=np.float32)}
+    return {f"{prefix}{name}": np.asarray(picture[..., k], dtype=np.float32) for k, name in enumerate("RGB")}
 
 
 def _picture(part: Any, index: int) -> Picture:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import OpenEXR
 from numpy.typing import NDArray
 
 from rsibr.publishing.half_float import to_half
 from rsibr.publishing.published_view import MAKER, PublishedView
-from rsibr.store.map_file import FRAME_KEY, REC709, VIEW_KEY
+from rsibr.store import exr
+from rsibr.store.map_file import FRAME_KEY, VIEW_KEY
 
 
 def encode_exr(
@@ -51,11 +50,8 @@ def encode_exr(
         stored, told = to_half(image) if half else (np.asarray(image, np.float32), ())
         notes += told
         for k, colour in enumerate("RGB"):
-            channels[f"{name}.{colour}" if name else colour] = np.ascontiguousarray(stored[..., k])
+            channels[f"{name}.{colour}" if name else colour] = stored[..., k]
     header: dict[str, Any] = {
-        "type": OpenEXR.scanlineimage,
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "chromaticities": REC709,
         "software": MAKER,
         "comments": about,
         VIEW_KEY: np.ascontiguousarray(view.view, np.float32),
@@ -63,7 +59,4 @@ def encode_exr(
         **({"view": view.name} if view.name else {}),
         **(attributes or {}),
     }
-    stream = io.BytesIO()
-    with OpenEXR.File(header, channels) as file:
-        file.write(stream)
-    return stream.getvalue(), notes
+    return exr.encode_exr(channels, header), notes

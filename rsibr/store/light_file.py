@@ -32,8 +32,8 @@ from rsibr.light.delta_lights import DeltaLights
 from rsibr.light.environment_pyramid import level_resolution, level_widths
 from rsibr.light.radiance import Irradiance, Light
 from rsibr.lobes.proxy_ratio import NODES
-from rsibr.store.exr import open_exr
-from rsibr.store.map_file import FRAME_KEY, REC709
+from rsibr.store.exr import encode_parts, open_exr
+from rsibr.store.map_file import FRAME_KEY
 
 _PICTURE, _IMAGE, _LEVEL, _IRRADIANCE, _DELTA = "light", "image", "level.", "irradiance.", "delta"
 _RATIO = "ratio."
@@ -71,23 +71,11 @@ _Images = dict[str, tuple[NDArray[np.float32], dict[str, Any]]]
 def encode_light(light: Light) -> bytes:
     """Bytes of the file: R, G, B, float32, ZIP; equal environments give equal bytes."""
     images = _images(light)
-    header = {
-        "type": OpenEXR.scanlineimage,
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "chromaticities": REC709,
-        "software": "rsibr",
-        "displayWindow": _window(*np.max([image.shape for image, _ in images.values()], axis=0)[:2]),  # one for all
-    }
-    parts = [
-        OpenEXR.Part(
-            {**header, **own, "dataWindow": _window(*image.shape[:2])}, {"RGB": np.ascontiguousarray(image)}, name
-        )
+    display = _window(*np.max([image.shape for image, _ in images.values()], axis=0)[:2])  # one for all
+    return encode_parts(
+        (name, {"RGB": image}, {"displayWindow": display, **own, "dataWindow": _window(*image.shape[:2])})
         for name, (image, own) in images.items()
-    ]
-    stream = io.BytesIO()
-    with OpenEXR.File(parts) as file:
-        file.write(stream)
-    return stream.getvalue()
+    )
 
 
 def decode_light(data: bytes, where: str) -> Light:

@@ -17,12 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenEXR
 from numpy.typing import NDArray
 
 from rsibr.errors import BakeError
 from rsibr.store.atomic import checksum, read_bytes, write_atomic
-from rsibr.store.exr import open_exr
+from rsibr.store.exr import encode_parts, open_exr
 
 Image = NDArray[np.float32]
 
@@ -34,9 +33,6 @@ COVERAGE = "coverage"
 VIEW_KEY = "rsibr:view"
 FRAME_KEY = "rsibr:frame"
 DIGEST_KEY = "rsibr:digest"
-
-REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
-"""CIE x, y of red, green, blue and white: ITU-R BT.709-6, table 1."""
 
 _FRAME_TOLERANCE = 1e-5  # the headers are float32
 
@@ -158,22 +154,13 @@ def read_map(path: Path) -> MapFile:
 def encode_map(map_file: MapFile) -> bytes:
     """Bytes of the OpenEXR file, without times or paths, so that equal maps give equal bytes."""
     header = {
-        "type": OpenEXR.scanlineimage,
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "chromaticities": REC709,
-        "software": "rsibr",
         VIEW_KEY: np.asarray(map_file.view, np.float32),
         FRAME_KEY: np.ascontiguousarray(map_file.frame, np.float32),
         DIGEST_KEY: map_digest(map_file),
     }
     images = {WHOLE: map_file.radiance} if map_file.is_split else {}
     images |= dict(map_file.parts())
-    # OpenEXR ignores the strides of an array: arrays must be contiguous
-    parts = [OpenEXR.Part(dict(header), _channels(name, image, map_file.grey), name) for name, image in images.items()]
-    stream = io.BytesIO()
-    with OpenEXR.File(parts) as file:
-        file.write(stream)
-    return stream.getvalue()
+    return encode_parts((name, _channels(name, image, map_file.grey), header) for name, image in images.items())
 
 
 def decode_map(data: bytes, where: str) -> MapFile:
@@ -226,7 +213,7 @@ def _channels(part: str, image: Image, grey: bool) -> dict[str, Image]:
     """Channels of a part: OpenEXR's Python package names the channels R, G, B together "RGB"."""
     # Check the pixels besides the flag, so that no colour is lost
     stored = image[..., 0] if grey and part != COVERAGE and _is_grey(image) else image
-    return {"RGB" if stored.ndim == 3 else "Y": np.ascontiguousarray(stored)}
+    return {"RGB" if stored.ndim == 3 else "Y": stored}
 
 
 def _pixels(part: Any) -> Image:

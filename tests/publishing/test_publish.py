@@ -282,12 +282,13 @@ def test_the_command(plastic, shell, tmp_path):
 def test_a_package_declares_formats_by_an_entry_point(monkeypatch):
     from importlib.metadata import EntryPoint
 
+    from rsibr import registered
     from rsibr.publishing import registry
 
     loaded = []
     monkeypatch.setattr(EntryPoint, "load", lambda self: loaded.append(self.value))
     points = [EntryPoint("tables", "package.tables", registry.ENTRY_POINTS)]
-    monkeypatch.setattr(registry, "entry_points", lambda group: points if group == registry.ENTRY_POINTS else [])
+    monkeypatch.setattr(registered, "entry_points", lambda group: points if group == registry.ENTRY_POINTS else [])
     registry._discover.cache_clear()
     assert "ktx2" in formats()
     assert loaded == ["package.tables"]

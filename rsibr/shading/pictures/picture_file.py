@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,15 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenEXR
 from numpy.typing import NDArray
 
 from rsibr.machine import make_folder
 from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.pictures.picture import Picture
+from rsibr.store import exr
 from rsibr.store.atomic import write_atomic
 from rsibr.store.image_kind import image_kind
-from rsibr.store.map_file import REC709
 from rsibr.store.png_file import Rgba, exposure_of, tone_mapped, write_png
 from rsibr.version import __version__
 
@@ -87,20 +85,13 @@ def write_picture(
 def encode_exr(picture: Picture, origin: Origin | None = None) -> bytes:
     """Bytes of the OpenEXR file of a picture, without times, so that equal pictures give equal bytes."""
     header = {
-        "type": OpenEXR.scanlineimage,
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "chromaticities": REC709,
         "software": f"rsibr {__version__}",
         **({} if origin is None else _attributes(origin)),
     }
     rgba = np.concatenate([picture.radiance, picture.alpha[..., None]], axis=-1).astype(np.float32)
     layers = {"depth.Z": picture.depth} | {f"normal.{axis}": picture.normal[..., i] for i, axis in enumerate("XYZ")}
-    # OpenEXR ignores the strides of an array: arrays must be contiguous
-    channels = {name: np.ascontiguousarray(layer, np.float32) for name, layer in ({"RGBA": rgba} | layers).items()}
-    stream = io.BytesIO()
-    with OpenEXR.File(header, channels) as file:
-        file.write(stream)
-    return stream.getvalue()
+    channels = {name: np.asarray(layer, np.float32) for name, layer in ({"RGBA": rgba} | layers).items()}
+    return exr.encode_exr(channels, header)
 
 
 def exposure_of_pictures(pictures: list[Picture]) -> float:
