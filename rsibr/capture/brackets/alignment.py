@@ -71,11 +71,11 @@ def aligned(photographs: Sequence[Photograph], curve: Curve = SRGB) -> Alignment
     The size stays, and with it the middle of the picture and the field of view, by which cameras are placed. By
     OpenCV's phase correlation with the best exposed one, brought to the same exposure; only where the two show too
     little in common with a nearer one, since from neighbour to neighbour errors add up. (Median threshold bitmaps,
-    OpenCV's `AlignMTB`, need a picture with a dark and a bright half: of eight brackets they missed those that are
-    nearly black or white, by up to 63 pixels.) A photograph in which next to nothing is seen, such as the sun alone, is
-    left out, unless none of the others has moved: a sun in the wrong place would leave a black one in its own. A shift
-    counts only where the two then differ clearly less: smooth pictures, such as a ball under an even sky, correlate
-    nearly as well elsewhere as in their place.
+    OpenCV's `AlignMTB`, need a picture with a dark and a bright half: they miss shots that are nearly black or white.)
+    A photograph in which next to nothing is seen, such as the sun alone, is left out, unless none of the others has
+    moved: a sun in the wrong place would leave a black one in its own. A shift counts only where the two then differ
+    clearly less: smooth pictures, such as a ball under an even sky, correlate nearly as well
+    elsewhere.
     """
     check_one_size(photographs)
     greys = [_grey(one.values) for one in photographs]

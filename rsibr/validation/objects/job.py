@@ -19,8 +19,10 @@ COMPILE_SECONDS = 3.0
 METHOD_SECONDS = 2.5
 """Time to prepare a method, to compile its kernels, and to judge its pictures [s]; mean over all listed methods."""
 SHADOW_SECONDS = 1.6
-"""Time that a method takes longer where its picture has shadows of its own [s]; with `METHOD_SECONDS` from processor
-time of a sphere and a torus, 128² pixels, two cores: forecast 33 and 48 s, taken 29 and 44 s."""
+"""Time that a method takes longer where its picture has shadows of its own [s].
+
+It and `METHOD_SECONDS` are fitted to the processor time of a sphere and a torus, 128² pixels, two cores.
+"""
 LANE_BYTES = 150
 """Memory of a sample in a launch [bytes]."""
 BUFFER_BYTES = 12

@@ -102,3 +102,15 @@ def test_a_matte_ball_looks_as_under_mitsubas_own_lamp():
 def test_mistakes_are_one_clear_line(make, says):
     with pytest.raises(InputError, match=says):
         make()
+
+
+@pytest.mark.parametrize(("distance", "error"), [(3, 0.47), (10, 0.15), (30, 0.051), (100, 0.0155)])
+def test_how_far_a_table_errs_for_a_near_lamp(rng, distance, error):
+    """Irradiance of a sphere of radius 1 by a lamp at a place, and by the same lamp at infinity; as `NEAR` says."""
+    n = rng.normal(size=(200_000, 3))
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    toward = np.array([0.0, 0.0, distance]) - n
+    size = np.linalg.norm(toward, axis=1)
+    true = np.maximum((n * toward).sum(axis=1) / size, 0) / size**2
+    table = np.maximum(n[:, 2], 0) / distance**2
+    assert np.sqrt(((table - true) ** 2).mean() / (true**2).mean()) == pytest.approx(error, rel=0.02)

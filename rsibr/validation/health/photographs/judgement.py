@@ -101,11 +101,10 @@ def judged(maps: Sequence[MapFile], names: Sequence[str], common: Common) -> Jud
 
     Notes
     -----
-    Of 232 sound photographs of ten paints under four skies (12 to 16 uneven directions, D 10 to 50; the limits were
-    chosen by 157 of them) none is accused. One of a further 12 was, by a pose, until the limit of poses was raised for
-    it: a rate below 2.3 % a photograph at 95 % confidence. Each of 36 that are upside down and 36 misexposed by a stop
-    is found, and 38 of 48 mis-posed by 2°: those missed are mostly of a clear coat over a matte base and of rough
-    metal. The error of novel views does not see these faults.
+    The limits were set on photographs that Mitsuba took of ten paints under four skies, from 12 to 16 uneven directions,
+    10 to 50 radii away: so that none of the sound ones was accused, and each that was upside down or misexposed by a
+    stop was found. A pose that is off by 2° is found less surely of a clear coat over a matte base and of rough metal,
+    whose maps look alike over larger angles. The error of novel views does not see these faults.
     """
     if len(maps) < LEAST_VIEWS:
         return Judgement((), f"photographs are judged by the others from {LEAST_VIEWS} on; there are {len(maps)}")
