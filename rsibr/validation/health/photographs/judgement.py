@@ -101,9 +101,9 @@ def judged(maps: Sequence[MapFile], names: Sequence[str], common: Common) -> Jud
 
     Notes
     -----
-    The limits were set on photographs that Mitsuba took of ten paints under four skies, from 12 to 16 uneven directions,
-    10 to 50 radii away: so that none of the sound ones was accused, and each that was upside down or misexposed by a
-    stop was found. A pose that is off by 2° is found less surely of a clear coat over a matte base and of rough metal,
+    The limits were set on photographs that Mitsuba took of ten paints under four skies, from 12 to 16 directions, 10 to
+    50 radii away: so that none of the sound ones was accused, and each that was upside down or misexposed by a stop was
+    found. A pose that is off by 2° is found less surely of a clear coat over a matte base and of rough metal,
     whose maps look alike over larger angles. The error of novel views does not see these faults.
     """
     if len(maps) < LEAST_VIEWS:
