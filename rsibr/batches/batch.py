@@ -12,6 +12,7 @@ from pathlib import Path
 from rsibr.batches.config import BatchConfig, RunConfig, load_batch, parse_batch
 from rsibr.batches.document import ForecastRecord
 from rsibr.batches.events import Event
+from rsibr.batches.executors.registry import executor_of
 from rsibr.batches.forecast.forecast import forecast
 from rsibr.batches.forecast.kinds import Census
 from rsibr.batches.index import Index
@@ -92,9 +93,11 @@ def batch(
     >>> [(failed.name, failed.reason) for failed in report.failed]                         # doctest: +SKIP
     """
     config = load_batch(file) if isinstance(file, str | Path) else parse_batch(file)
+    settings = config.tables.run.changed(executor=executor, scheduler=scheduler)
+    executor_of(settings.executor)  # one that does not exist is a mistake in the file like any other
     work = _Work(
         config=config,
-        settings=config.tables.run.changed(executor=executor, scheduler=scheduler),
+        settings=settings,
         out=Path(out) if out is not None else Path(f"{config.title}.batch"),
         overrides=overrides,
         only=only,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +14,6 @@ from rsibr.errors import InputError, printable
 if TYPE_CHECKING:
     from rsibr.batches.document import ForecastRecord
     from rsibr.batches.report import BatchReport
-    from rsibr.progress import Progress
 
 MOST_KINDS = 20
 """Kinds of jobs that a forecast lists."""
@@ -60,19 +58,19 @@ def batch(
     from rsibr.batches.batch import batch as run
     from rsibr.batches.batch import reindex as run_reindex
     from rsibr.cli.batch_table import BatchTable
-    from rsibr.cli.console import console
+    from rsibr.cli.console import console, say, time_progress
 
     if reindex:
         report = run_reindex(place, file.stem)
     else:
         with ExitStack() as checking, BatchTable(console) as table:
-            show = checking.enter_context(_progress())
+            show = checking.enter_context(time_progress("check"))
 
             def begin(found: ForecastRecord) -> None:
                 checking.close()  # the bars of the checks, before the table
                 if not dry_run:
                     table.jobs = found.jobs
-                    _note_forecast(found)
+                    say(printable(_forecast_line(found)))
 
             report = run(
                 file,
@@ -107,33 +105,6 @@ def parse_shard(text: str | None) -> tuple[int, int] | None:
     if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
         raise InputError(f"'{text}' is no part of a whole", where="--shard", fix="give I/N with 1 ≤ I ≤ N, as in 3/16")
     return int(number), int(of)
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[Progress], None]]:
-    """Show one bar for the checks and the probes."""
-    from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bars
-
-    from rsibr.cli.console import console
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Bars(*columns, console=console, transient=True) as bars:
-        task: TaskID | None = None
-
-        def show(state: Progress) -> None:
-            nonlocal task
-            if task is None:
-                task = bars.add_task(state.step, total=state.total)
-            bars.update(task, total=state.total, completed=state.done, description=state.step)
-
-        yield show
-
-
-def _note_forecast(found: ForecastRecord) -> None:
-    from rsibr.cli.console import console
-
-    console.print(printable(_forecast_line(found)), soft_wrap=True)
 
 
 def _forecast_line(found: ForecastRecord) -> str:

@@ -11,6 +11,7 @@ from rsibr.cli.batch import parse_shard
 from rsibr.errors import InputError
 from rsibr.resources import configs
 from tests.cli.command import write_config
+from tests.cli.test_processes import done
 from tests.documentation import DOCS, Page
 
 BATCH = """
@@ -51,6 +52,7 @@ def test_a_dry_run_as_json(shell, file, tmp_path):
         (["--set", "sampling.seed=3"], "--set: 'sampling.seed' is set by the matrix"),
         (["--only", "material=gold"], "--only: no job has material=gold"),
         (["--only", "colour=red"], "--only: no job has the key 'colour'"),
+        (["--executor", "dusk"], "unknown executor 'dusk'. Did you mean 'dask'?"),
         (["--shard", "3/2"], "--shard: '3/2' is no part of a whole"),
         (["--out", "batch.toml"], "is a file, not a folder"),
     ],
@@ -58,6 +60,12 @@ def test_a_dry_run_as_json(shell, file, tmp_path):
 def test_a_mistake_is_one_clear_line(shell, file, tmp_path, monkeypatch, words, says):
     monkeypatch.chdir(tmp_path)
     shell.refuses("batch", file, "--dry-run", "--no-probe", *words, says=says)
+
+
+def test_no_line_is_blank_where_there_is_no_terminal(file, tmp_path):
+    code, out, err = done("batch", file, "--only", "material=gold", "--out", tmp_path / "out")
+    assert (code, out) == (2, "")
+    assert all(line.strip() for line in err.splitlines())
 
 
 def test_a_batch_that_is_not_there(shell, tmp_path):
