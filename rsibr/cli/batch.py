@@ -111,8 +111,9 @@ def _forecast_line(found: ForecastRecord) -> str:
     from rsibr.job_size import in_bytes
 
     by = "measured by small jobs" if found.source == "probes" else "by typical rates"
+    jobs = f"{found.jobs} job{'' if found.jobs == 1 else 's'}"
     return (
-        f"{found.jobs} jobs: {found.processor_seconds / 3600:.3g} core-hours, {_time(found.seconds)} on this machine "
+        f"{jobs}: {found.processor_seconds / 3600:.3g} core-hours, {_time(found.seconds)} on this machine "
         f"({found.executor}, {found.workers} × {found.threads} threads), {in_bytes(found.bytes)} in "
         f"{found.files} files, {in_bytes(found.free_bytes)} are free; {by}"
     )
