@@ -94,7 +94,7 @@ def _ring(
         lobe = [(term, part) for term, part in zip(terms, parts, strict=True) if term.alpha == alpha]
         kernel, first = (_kernel([term for term, _ in lobe], at, cosine) for at in (samples, middles))
         found = _weights(blobs, kernel, samples.solid_angle, first)
-        share = resampled(sum(part.share for _, part in lobe), cosines(), np.array([cosine]))
+        share = resampled(np.sum([part.share for _, part in lobe], axis=0), cosines(), np.array([cosine]))
         weights += found / np.maximum(found.sum(axis=0), 1e-30) * share
     unused = points - len(weights)
     return (
@@ -211,7 +211,8 @@ def _blobs(middles: Array, width: Array, at: _HalfVectors) -> NDArray[np.float32
     sharpness = (-0.5 / width**2).astype(np.float32)
     scale = 1 / (2 * np.pi * width**2 * _mean_height(middles, width))
     of_sample = (at.toward / at.angle_per_length**2).astype(np.float32)
-    return np.exp((across**2 + along**2) * sharpness) * of_sample[:, None] * scale.astype(np.float32)
+    blobs = np.exp((across**2 + along**2) * sharpness) * of_sample[:, None] * scale.astype(np.float32)
+    return np.asarray(blobs, dtype=np.float32)
 
 
 def _mean_height(middles: Array, width: Array) -> Array:
