@@ -95,7 +95,7 @@ VARIANTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "$\\phi_\\ell = 1$ (no lean)": ("rsibr", {"rsibr.lobe_weights._radius_factors": _upright}, {}),
     "two levels mixed, not three": ("rsibr", {"rsibr.lobe_weights._mixture": _two_levels}, {}),
     "$G = 192$": ("rsibr", {"rsibr.rsibr.FAST": replace(FAST, resolution=192)}, {}),
-    "384 points of the quadrature": ("rsibr", {"rsibr.rsibr.FAST": replace(FAST, points=384)}, {}),
+    "320 points of the quadrature": ("rsibr", {"rsibr.rsibr.FAST": replace(FAST, points=320)}, {}),
     "one point a texel at the rim": ("rsibr", {"rsibr.half_vector_lobes._FINE_MAP": 1}, {}),
     "$\\rho_i = 1$": ("rsibr", {"rsibr.residual_method.warped_residual": _undamped}, {}),
     "$\\gamma = 1$ (full trust)": ("rsibr", {"rsibr.residual_method.trusted": _in_full}, {}),

@@ -19,7 +19,6 @@ from rsibr.lobes.gaussians import Gaussians, LobeShape
 from rsibr.lobes.microfacet import transmitted
 from rsibr.lobes.probe_directions import probe_directions
 from rsibr.lobes.shape_fit import sigmas
-from rsibr.lobes.visible_facets import seen_coated
 from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.rsibr.anisotropic_footprint import tap_spreads
 from rsibr.methods.rsibr.fidelity import FAST, FINE
@@ -31,11 +30,11 @@ from rsibr.methods.rsibr.half_vector_pyramid import (
     taps,
     texel_angle,
 )
+from rsibr.methods.rsibr.half_vector_quadrature import _blobs, _HalfVectors
 from rsibr.methods.rsibr.lobe_weights import LEVELS, _mixture, _shares
 from rsibr.methods.rsibr.microfacet_reflection import reflected
 from rsibr.methods.rsibr.polar_grid import NODES
 from rsibr.methods.rsibr.residual_transport import BRIGHTEST, DARKEST
-from rsibr.methods.rsibr.slope_quadrature import _outward
 from rsibr.methods.rsibr.view_nodes import SUBDIVISION
 from tests.arrays import to_numpy, vector
 
@@ -96,8 +95,8 @@ def test_the_constants_are_those_of_the_code():
 def test_the_fidelities_are_those_quoted():
     assert (FAST.resolution, FINE.resolution) == (RESOLUTION, 192)
     assert "$G$ is 96 for `rsibr` and 192 for `rsibr-fine`" in FLOW
-    assert (FAST.points, FINE.points) == (256, 384)
-    assert "$M_0 = 256$ for `rsibr` and 384 for `rsibr-fine`" in FLOW
+    assert (FAST.points, FINE.points) == (192, 320)
+    assert "about $M$ remain: 192 for `rsibr`, 320 for `rsibr-fine`" in FLOW
     assert (FAST.ratio, FINE.ratio) == (float("inf"), 1.6)
 
 
@@ -246,18 +245,22 @@ def test_the_jacobian_of_equation_12(rng):
     assert _stretch(light, h, a, b, 2e-3) == pytest.approx(stated, rel=2e-3)
 
 
-def test_the_solid_angle_of_facets_under_a_coat_in_equation_21(rng):
-    v, h, a, b = _around(rng)
-    v = np.column_stack([np.hypot(v[:, 0], v[:, 1]), 0 * v[:, 0], v[:, 2]])  # in the plane of incidence
-
-    def outer(facet):
-        return seen_coated(v, facet / np.linalg.norm(facet, axis=1, keepdims=True), 0.3)[1]
-
-    share, found = seen_coated(v, h, 0.3)
-    stated = _outward(v, found, (found * v).sum(axis=1), h)
-    seen = share > 0
-    assert seen.sum() > 20
-    assert _stretch(outer, h, a, b, 1e-4)[seen] == pytest.approx(stated[seen], rel=1e-4)
+def test_a_lookup_shows_the_density_of_equation_21():
+    """It integrates to 1, and its mean of 1/(h·v) is that of a Gaussian in the map over the mean of h·v."""
+    side = 400
+    x, y = (grid.ravel() for grid in np.meshgrid(*[(np.arange(side) + 0.5) * (2 / side) - 1] * 2))
+    squared = x**2 + y**2
+    inside = squared < 1
+    places, squared = np.stack([x, y], axis=1)[inside], squared[inside]
+    height, scale = (1 - squared) / (1 + squared), 2 / (1 + squared)
+    at = _HalfVectors(np.zeros((len(places), 3)), height, places, (2 / side) ** 2 * scale**2)
+    middles, width = np.array([[0.0, 0.0], [0.5, 0.3]]), np.array([0.12, 0.08])
+    density = at.solid_angle @ _blobs(middles, width, at)
+    assert density == pytest.approx(1, rel=2e-3)
+    gaussian = np.exp(-0.5 * ((places[:, None] - middles) ** 2).sum(axis=-1) / width**2) / (2 * np.pi * width**2)
+    mean_height = (2 / side) ** 2 * (height @ gaussian)
+    inverse = at.solid_angle @ (_blobs(middles, width, at) / height[:, None])
+    assert inverse == pytest.approx(1 / mean_height, rel=2e-3)
 
 
 def test_a_texel_of_the_sphere_map_shows_what_equation_18_and_section_6_say():

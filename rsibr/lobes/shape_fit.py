@@ -204,18 +204,23 @@ def _values(term: _Term, alpha: float, probes: ProbeDirections) -> Array:
         case "coated lambert":
             return np.asarray(np.maximum(wi[:, 2], 0) / np.pi * transmitted(wi[:, 2], np) * transmitted(wo[:, 2], np))
         case "plain":
-            return _gaussian(wi, wo, term.sigma, alpha)[0]
+            return gaussian(wi, wo, term.sigma, alpha)[0]
         case "grazing":
-            plain, toward = _gaussian(wi, wo, term.sigma, alpha)
+            plain, toward = gaussian(wi, wo, term.sigma, alpha)
             return np.asarray(plain * schlick(toward, np))
         case _:
-            inner_i, inner_o = under_coat(wi), under_coat(wo)
-            below = _gaussian(inner_i, inner_o, term.sigma, alpha)[0]
-            bent = np.maximum(wi[:, 2], 0) / (inner_i[:, 2] * COAT_IOR * COAT_IOR)
-            return np.asarray(below * bent * transmitted(wi[:, 2], np) * transmitted(wo[:, 2], np))
+            return coated_gaussian(wi, wo, term.sigma, alpha)[0]
 
 
-def _gaussian(wi: Array, wo: Array, sigma: float, alpha: float) -> tuple[Array, Array]:
+def coated_gaussian(wi: Array, wo: Array, sigma: float, alpha: float) -> tuple[Array, Array]:
+    """The same as `gaussian` under a coat, and h·ω_o there."""
+    inner_i, inner_o = under_coat(wi), under_coat(wo)
+    below, toward = gaussian(inner_i, inner_o, sigma, alpha)
+    bent = np.maximum(wi[:, 2], 0) / (inner_i[:, 2] * COAT_IOR * COAT_IOR)
+    return np.asarray(below * bent * transmitted(wi[:, 2], np) * transmitted(wo[:, 2], np)), toward
+
+
+def gaussian(wi: Array, wo: Array, sigma: float, alpha: float) -> tuple[Array, Array]:
     """D G₂ / (4 cos θ_o) of Gaussian slopes, and h·ω_o."""
     h = wi + wo
     h /= np.maximum(np.linalg.norm(h, axis=1, keepdims=True), 1e-12)

@@ -19,7 +19,7 @@ class Fidelity:
     resolution : int
         Texels a side of the half-vector pyramid's level 0.
     points : int
-        Points of the quadrature over wide Gaussians; see `SlopeQuadrature.of`.
+        Points of the quadrature over wide Gaussians; see `HalfVectorQuadrature.of`.
     ratio : float
         Greatest ratio of the widths of Gaussians that share a footprint; if it is infinite, all do, with three lookups.
     between_levels : bool
@@ -43,5 +43,5 @@ class Fidelity:
 FAST = Fidelity(resolution=96, points=POINTS, ratio=math.inf, between_levels=False, texels=0.0)
 """For `rsibr`."""
 
-FINE = Fidelity(resolution=192, points=384, ratio=1.6, between_levels=True, texels=9.0)
+FINE = Fidelity(resolution=192, points=320, ratio=1.6, between_levels=True, texels=9.0)
 """For `rsibr-fine`."""

@@ -19,13 +19,13 @@ from rsibr.geometry.to_device import to_device
 from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.lobe_terms import GaussianTerm
 from rsibr.methods.rsibr.half_vector_pyramid import RESOLUTION, HalfVectorPyramid, level_places
+from rsibr.methods.rsibr.half_vector_quadrature import HalfVectorQuadrature
 from rsibr.methods.rsibr.polar_grid import NODES, SECTORS, PolarGrid
-from rsibr.methods.rsibr.slope_quadrature import SlopeQuadrature
 
 Array = NDArray[np.float64]
 
-POINTS = 256
-"""Points of the quadrature at each ring, by default; see `SlopeQuadrature.of`."""
+POINTS = 192
+"""Points of the quadrature at each ring, by default; see `HalfVectorQuadrature.of`."""
 
 _STRIDE = 40  # lanes a node
 
@@ -36,7 +36,7 @@ class WideTables:
 
     Attributes
     ----------
-    quadrature : SlopeQuadrature
+    quadrature : HalfVectorQuadrature
         Points at each ring of the polar grid.
     resolution : int
         Texels a side of level 0 of the half-vector pyramid.
@@ -44,7 +44,7 @@ class WideTables:
         Share of the wide Gaussians in the albedo by cos θ.
     """
 
-    quadrature: SlopeQuadrature
+    quadrature: HalfVectorQuadrature
     resolution: int
     share: Array
 
@@ -52,9 +52,9 @@ class WideTables:
     def of(
         cls, terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], resolution: int, points: int
     ) -> WideTables | None:
-        """Place the points for the wide ones of `terms`; parameters and result as of `SlopeQuadrature.of`."""
+        """Place the points for the wide ones of `terms`; parameters and result as of `HalfVectorQuadrature.of`."""
         members = [(term, part) for term, part in zip(terms, parts, strict=True) if term.is_wide]
-        quadrature = SlopeQuadrature.of(
+        quadrature = HalfVectorQuadrature.of(
             [term for term, _ in members], [part for _, part in members], resolution, points
         )
         if quadrature is None:
@@ -89,7 +89,7 @@ class WideLight:
         resolution: int = RESOLUTION,
         points: int = POINTS,
     ) -> WideLight | None:
-        """Put the wide ones of `terms` on the device; None if there are none. Parameters as of `SlopeQuadrature.of`."""
+        """Put the wide ones of `terms` on the device; None if there are none; see `HalfVectorQuadrature.of`."""
         tables = WideTables.of(terms, parts, resolution, points)
         return None if tables is None else cls.from_tables(tables)
 
