@@ -95,8 +95,8 @@ def test_the_constants_are_those_of_the_code():
 def test_the_fidelities_are_those_quoted():
     assert (FAST.resolution, FINE.resolution) == (RESOLUTION, 192)
     assert "$G$ is 96 for `rsibr` and 192 for `rsibr-fine`" in FLOW
-    assert (FAST.points, FINE.points) == (192, 320)
-    assert "about $M$ remain: 192 for `rsibr`, 320 for `rsibr-fine`" in FLOW
+    assert (FAST.points, FINE.points) == (224, 320)
+    assert "about $M$ remain: 224 for `rsibr`, 320 for `rsibr-fine`" in FLOW
     assert (FAST.ratio, FINE.ratio) == (float("inf"), 1.6)
 
 

@@ -24,7 +24,7 @@ from rsibr.methods.rsibr.polar_grid import NODES, SECTORS, PolarGrid
 
 Array = NDArray[np.float64]
 
-POINTS = 192
+POINTS = 224
 """Points of the quadrature at each ring, by default; see `HalfVectorQuadrature.of`."""
 
 _STRIDE = 40  # lanes a node

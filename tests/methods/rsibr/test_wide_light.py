@@ -22,7 +22,7 @@ ONE = np.ones((len(node_cosines()), 3))
 AT = np.array([0, 8, 16, 21, 23])
 """Rings: 0°, 30°, 60°, 79° and 86° for 24 rings."""
 
-G, POINTS = 96, 192
+G, POINTS = 96, 224
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_more_points_come_nearer(light):
     wanted = exact(lambda wi, wo: beckmann(wi, wo, 0.3 * np.sqrt(2), 0.25), sectors)
     errors = [
         np.abs(gathered(one_gaussian(0.3, 0.25), light, *how)[AT, sectors] / wanted - 1).mean()
-        for how in ((96, 40), (96, 192))
+        for how in ((96, 40), (96, 224))
     ]
     assert errors[1] < 0.5 * errors[0]
 
