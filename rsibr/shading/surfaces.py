@@ -80,7 +80,12 @@ def first_surfaces(scene: mi.Scene, ray: mi.Ray3f, active: mi.Bool | bool = True
     active : mi.Bool
         Lanes to trace.
     """
-    return surfaces_at(scene.ray_intersect_preliminary(ray, coherent=True, active=mi.Bool(active)), ray)
+    return surfaces_at(first_hits(scene, ray, active), ray)
+
+
+def first_hits(scene: mi.Scene, ray: mi.Ray3f, active: mi.Bool | bool = True) -> mi.PreliminaryIntersection3f:
+    """Trace rays to the first surfaces, of which `surfaces_at` tells more; parameters as of `first_surfaces`."""
+    return scene.ray_intersect_preliminary(ray, coherent=True, active=mi.Bool(active))
 
 
 def surfaces_at(found: mi.PreliminaryIntersection3f, ray: mi.Ray3f) -> Surfaces:

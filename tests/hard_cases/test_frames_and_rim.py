@@ -99,7 +99,7 @@ def test_hc10_stored_maps_may_be_rolled(name):
     frames = np.stack([view_frame(d) @ turn(0.5 + i) for i, d in enumerate(views.directions)])
     coverage = np.tile(texel_coverage(resolution).astype(np.float32), (len(views), 1, 1))
     sources = SourceMaps.from_arrays(np.stack([mirror_sphere(f, resolution) for f in frames]), coverage, frames)
-    options = {"mix": triangle_mix(area_weights), "warp": MirrorWarp.between} | METHODS[name]
+    options = {"mix": triangle_mix(area_weights), "warp": MirrorWarp} | METHODS[name]
     rolled = WarpBlend("rolled", views, sources, options["mix"], options["warp"])
     upright = method(resolution=resolution, **METHODS[name])
     within = inside(resolution, 0.9)

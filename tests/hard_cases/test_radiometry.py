@@ -155,7 +155,7 @@ def test_hc19_one_warped_map_of_a_phong_lobe_serves_every_view(exponent):
         n, v = normals(frame, resolution), frame[:, 2]
         return convolved(2 * (n @ v)[..., None] * n - v).astype(np.float32)
 
-    made = method(phong_sphere, 128, mix=nearest_mix, warp=MirrorWarp.between)
+    made = method(phong_sphere, 128, mix=nearest_mix, warp=MirrorWarp)
     for view in VIEWS:
         frame = view_frame(view)
         error = np.abs(image(made, frame, N) - phong_sphere(frame, N))

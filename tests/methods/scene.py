@@ -46,7 +46,7 @@ def stored(sphere, resolution, subdivision=0):
     return views, SourceMaps.from_arrays(np.stack([sphere(f, resolution) for f in frames]), coverage, np.stack(frames))
 
 
-def method(sphere=mirror_sphere, resolution=64, *, warp=MirrorWarp.between, mix=None, subdivision=0, kind=WarpBlend):
+def method(sphere=mirror_sphere, resolution=64, *, warp=MirrorWarp, mix=None, subdivision=0, kind=WarpBlend):
     """A method over the stored maps of `sphere`; by default the paper's."""
     views, sources = stored(sphere, resolution, subdivision)
     return kind("test", views, sources, mix or triangle_mix(area_weights), warp)

@@ -28,7 +28,7 @@ NOT_NEAREST = [name for name in EXACT if name != "nearest"]  # which jumps where
 
 def made(maps, views=VIEWS, frames=FRAMES, name="cabral1999", coverage=COVERAGE):
     """A method over maps (12, N, N, 3), always of one shape, so that its kernels are compiled once."""
-    options = {"mix": triangle_mix(area_weights), "warp": MirrorWarp.between, "kind": WarpBlend} | METHODS[name]
+    options = {"mix": triangle_mix(area_weights), "warp": MirrorWarp, "kind": WarpBlend} | METHODS[name]
     sources = SourceMaps.from_arrays(maps.astype(np.float32), np.tile(coverage, (len(maps), 1, 1)), frames)
     return options["kind"](name, views, sources, options["mix"], options["warp"])
 

@@ -108,6 +108,36 @@ def test_everything_else_is_the_nested_integrators_to_the_bit(paint):
     assert np.abs(ours[covered] - path[covered]).max() > 0.1
 
 
+def _alone(chosen, *, light):
+    """A ball before `light`, and nothing else."""
+    look = mi.ScalarTransform4f().look_at(list(EYE), [0, 0, 0], [0, 1, 0])
+    film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "pixel_format": "rgba", "rfilter": {"type": "box"}}
+    sensor = {"type": "perspective", "fov": 40, "to_world": look, "film": film}
+    lights = {"light": light} if light else {}
+    return mi.load_dict({"type": "scene", "integrator": chosen, "ball": {"type": "sphere"}, "sensor": sensor, **lights})
+
+
+@pytest.mark.parametrize("variant", ["llvm_ad_rgb", "llvm_ad_spectral", "llvm_ad_spectral_polarized"])
+@pytest.mark.parametrize("hides", [False, True])
+def test_what_is_seen_beside_baked_shapes_alone_is_the_path_tracers_to_the_bit(paint, variant, hides):
+    """Then the nested integrator is not asked."""
+    mi.set_variant(variant)
+    colours = mi.Bitmap(np.random.default_rng(1).random((4, 8, 3)).astype(np.float32))
+    for light in ({"type": "envmap", "bitmap": colours}, {"type": "point", "position": [0, 9, 9]}, None):
+        ours, path, depth = (
+            rendered(_alone(chosen, light=light))
+            for chosen in (
+                integrator(paint, hide_emitters=hides),
+                {"type": "path", "hide_emitters": hides},
+                {"type": "depth"},
+            )
+        )
+        beside = depth[..., 3] == 0
+        assert 100 < beside.sum() < SIZE**2 - 100
+        assert np.array_equal(ours[beside], path[beside])
+        assert np.all(ours[~beside, 3] > 0)
+
+
 def test_a_picture_is_that_of_the_renderer(paint):
     made = scene(integrator(paint, hide_emitters=True))
     ours = rendered(made, 256)

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsibr import backend
-from rsibr.geometry.frame import frame_of
 from rsibr.geometry.projections.sphere_map import (
     covered_middle,
     normal_from_disk,
@@ -36,7 +35,7 @@ from rsibr.methods.rsibr.delta_lobe import EXACT, ROUGH
 from rsibr.methods.rsibr.residual_transport import clamped, trusted, warped_residual
 from rsibr.methods.warp_blend.blend import WEIGHTS, Mixture, triangle_mix
 from rsibr.methods.warp_blend.source_maps import SourceMaps
-from rsibr.methods.warp_blend.warp import WARPS, MirrorWarp, Warp
+from rsibr.methods.warp_blend.warp import WARPS, MirrorWarp, PointMirrorWarp, Warp
 from rsibr.methods.warp_blend.warp_blend import WarpBlend, blended
 from rsibr.store.map_file import MapFile
 
@@ -60,11 +59,17 @@ class Hedge:
         """Sources of the view of `frame`, and the warps to them."""
         return self.interpolation._toward(frame)
 
-    def mixed(self, modelled: mi.Color3f, toward: tuple[Mixture, Sequence[Warp]], n: mi.Vector3f) -> mi.Color3f:
-        """Mixture with the interpolation at normals `n` in the new view's frame."""
+    def toward_points(self, v: mi.Vector3f) -> tuple[Mixture, Sequence[Warp]]:
+        """Sources of single views, and the warps to them."""
+        return self.interpolation._toward_points(v)
+
+    def mixed(
+        self, modelled: mi.Color3f, toward: tuple[Mixture, Sequence[Warp]], n: mi.Vector3f, cosine: mi.Float
+    ) -> mi.Color3f:
+        """Mixture with the interpolation at normals `n`, as the warps take them, seen under `cosine`."""
         mixture, warps = toward
         plain = blended(self.interpolation.sources, mixture, [warp(n) for warp in warps])
-        return dr.lerp(plain, modelled, self.weight.colour(n.z))
+        return dr.lerp(plain, modelled, self.weight.colour(cosine))
 
 
 @dataclass(eq=False, repr=False)
@@ -117,9 +122,9 @@ class ResidualMethod(WarpBlend):
         def shaded(n: mi.Vector3f, middle: mi.Vector3f) -> mi.Vector4f:
             radiance = self._whole_prediction(middle, frame, tables, resolution)
             if toward is not None:
-                radiance += self._residual(toward, n, self.albedo.at(middle.z), radiance)
+                radiance += self._residual(toward, n, n.z, self.albedo.at(middle.z), radiance)
             if self.hedge is not None and across is not None:
-                radiance = self.hedge.mixed(radiance, across, n)
+                radiance = self.hedge.mixed(radiance, across, n, n.z)
             return as_rgba(self._finished(radiance))
 
         def black(n: mi.Vector3f, _middle: mi.Vector3f) -> mi.Vector4f:
@@ -134,15 +139,13 @@ class ResidualMethod(WarpBlend):
     @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
-        frame = frame_of(v)
-        local = frame.T @ n
-        radiance = self._predicted_at(n, v)
+        cosine, radiance = dr.dot(n, v), self._predicted_at(n, v)
         if self.delta_lights is not None:
             radiance += self.delta_lights.radiance(n, v)
         if self.uses_maps:
-            radiance += self._residual(self._toward(frame), local, self.albedo.at(local.z), radiance)
+            radiance += self._residual(self._toward_points(v), n, cosine, self.albedo.at(cosine), radiance)
         if self.hedge is not None:
-            radiance = self.hedge.mixed(radiance, self.hedge.toward(frame), local)
+            radiance = self.hedge.mixed(radiance, self.hedge.toward_points(v), n, cosine)
         return self._finished(radiance)
 
     def residual_of(self, radiance: NDArray[np.float32], frame: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -185,12 +188,21 @@ class ResidualMethod(WarpBlend):
         mixture = self.mix(self._sphere, self.sources, view_of(frame))
         return mixture, [MirrorWarp.between(stored, frame) for stored in mixture.views]
 
+    def _toward_points(self, v: mi.Vector3f) -> tuple[Mixture, list[PointMirrorWarp]]:
+        mixture = self.mix(self._sphere, self.sources, v)
+        return mixture, [MirrorWarp.at(stored, v) for stored in mixture.views]
+
     def _residual(
-        self, toward: tuple[Mixture, list[MirrorWarp]], n: mi.Vector3f, albedo: mi.Color3f, predicted: mi.Color3f
+        self,
+        toward: tuple[Mixture, Sequence[MirrorWarp | PointMirrorWarp]],
+        n: mi.Vector3f,
+        cosine: mi.Float,
+        albedo: mi.Color3f,
+        predicted: mi.Color3f,
     ) -> mi.Color3f:
-        residual = albedo * warped_residual(self.sources, *toward, n, self.believes)
+        residual = albedo * warped_residual(self.sources, *toward, n, cosine, self.believes)
         if self.trust is not None:
-            residual *= trusted(self.trust.at(n.z).x, toward[0])
+            residual *= trusted(self.trust.at(cosine).x, toward[0])
         unbounded = self.keeps_negatives or not self.believes
         return residual if unbounded else clamped(residual, predicted, toward[0])
 
@@ -304,7 +316,7 @@ def residual_method(
         inputs.first_views(inputs.stored_count(lobe)),
         SourceMaps.none(),
         triangle_mix(WEIGHTS[weights]),
-        MirrorWarp.between,
+        MirrorWarp,
         albedo=LobeAlbedo.of(np.sum([np.array(record.albedo) for record in inputs.lobes], axis=0)),
         uses_maps=options.carries,
         carries_mirror=options.separate_mirror is None,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import drjit as dr
 import mitsuba as mi
 
 from rsibr.methods.warp_blend.blend import Mixture
 from rsibr.methods.warp_blend.source_maps import SourceMaps
-from rsibr.methods.warp_blend.warp import MirrorWarp
+from rsibr.methods.warp_blend.warp import MirrorWarp, PointMirrorWarp
 
 BRIGHTEST = 1.0
 """Upper bound of residual over prediction far from all stored views; it grows as 1/(1 − w) toward a stored view."""
@@ -21,7 +23,12 @@ _AT_A_STORED_VIEW = 1e-4  # 1 − w below which a view counts as stored
 
 
 def warped_residual(
-    sources: SourceMaps, mixture: Mixture, warps: list[MirrorWarp], n: mi.Vector3f, damped: bool = True
+    sources: SourceMaps,
+    mixture: Mixture,
+    warps: Sequence[MirrorWarp | PointMirrorWarp],
+    n: mi.Vector3f,
+    cosine: mi.Float,
+    damped: bool = True,
 ) -> mi.Color3f:
     """Σ_i w_i c_i² ρ_i² R_i(p_i) / Σ_i w_i c_i² at the surface normal `n` of the new view.
 
@@ -36,10 +43,12 @@ def warped_residual(
         Residuals divided by the albedo.
     mixture : Mixture
         Stored views and their weights.
-    warps : list of MirrorWarp
+    warps : sequence of MirrorWarp or PointMirrorWarp
         Warp to each of them.
     n : mi.Vector3f
-        Unit normals in the new view's frame.
+        Unit normals in the coordinates of the warps.
+    cosine : mi.Float
+        Cosine under which the new view sees them.
     damped : bool
         Whether residuals are damped by ρ².
 
@@ -49,7 +58,7 @@ def warped_residual(
         Weighted residual divided by the albedo [W sr⁻¹ m⁻²].
     """
     residual, total = mi.Color3f(0), mi.Float(0)
-    here = dr.maximum(n.z, _LEAST_COSINE)
+    here = dr.maximum(cosine, _LEAST_COSINE)
     for stored, weight, warp in zip(mixture.views, mixture.weights, warps, strict=True):
         normal = warp.normal(n)
         there = dr.maximum(normal.z, _LEAST_COSINE)

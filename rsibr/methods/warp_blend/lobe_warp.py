@@ -84,10 +84,6 @@ class LobeWarps:
         """Make the warps from the destination's `frame`, columns x, y, v, to a stored view."""
         return cls(MirrorWarp.between(stored, frame), NormalWarp.between(stored, frame))
 
-    def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
-        """See `Warp`; the mirror warp."""
-        return self.mirror(n)
-
     def point(self, n: mi.Vector3f, is_diffuse: bool) -> mi.Point2f:
         """Point of the stored map for the normal `n`, by the warp of the lobe."""
         return (self.normal if is_diffuse else self.mirror)(n)[0]
@@ -158,7 +154,7 @@ class LobeWarpMethod(WarpBlend):
             inputs.viewpoints,
             inputs.sources,
             triangle_mix(gnomonic_weights),
-            LobeWarps.between,
+            MirrorWarp,
             groups=[LobeGroup(inputs.first_views(count).on_device, lobes) for count, lobes in groups.items()],
             corrections=corrections,
         )

@@ -120,8 +120,8 @@ class SourceMaps:
 
     def view(self, index: mi.UInt32) -> StoredView:
         """Fetch the stored view `index` with its frame, one a lane."""
-        x, y, v = (dr.gather(mi.Vector3f, self.frames, 3 * index + axis) for axis in range(3))
-        return StoredView(index, x, y, v)
+        x, v = (dr.gather(mi.Vector3f, self.frames, 3 * index + axis) for axis in (0, 2))
+        return StoredView(index, x, dr.cross(v, x), v)  # fetching y as well would take longer
 
     def fetch(self, view: mi.UInt32, p: mi.Point2f) -> mi.Color3f:
         """Bilinear lookup in the map of a stored view.

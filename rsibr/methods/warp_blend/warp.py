@@ -1,13 +1,13 @@
 """Warps from a destination texel to a point of a stored map, with a confidence.
 
 A warp is evaluated backwards, from the destination: p_s = g⁻¹ ∘ T_s⁻¹ ∘ T_d ∘ g (p_d), after Cabral et al. (1999),
-sections 3.2 and 3.3. The part that depends only on the two views, one rotation and a few vectors, is computed once a
-view.
+sections 3.2 and 3.3. For a whole map, the part that depends only on the two views, one rotation and a few vectors, is
+computed once a view (`between`). Single points have a view of their own each: they are warped in world coordinates,
+without a frame of the destination (`at`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -36,7 +36,7 @@ class Warp(Protocol):
         Parameters
         ----------
         n : mi.Vector3f
-            Unit normals in the destination's frame, z ≥ 0.
+            Unit normals that face the destination's view, in its frame, or in world coordinates; see `WarpKind`.
 
         Returns
         -------
@@ -48,8 +48,16 @@ class Warp(Protocol):
         ...
 
 
-WarpBetween = Callable[[StoredView, "mi.Matrix3f"], Warp]
-"""(stored view, frame of the destination) → warp between the two; one pair a lane, or one for all lanes."""
+class WarpKind(Protocol):
+    """Makes the warps of one kind."""
+
+    def between(self, stored: StoredView, frame: mi.Matrix3f) -> Warp:
+        """Make the warp of normals in the destination's `frame`, columns x, y, v, to a stored view."""
+        ...
+
+    def at(self, stored: StoredView, v: mi.Vector3f) -> Warp:
+        """Make the warp of normals in world coordinates, seen from `v`, to a stored view."""
+        ...
 
 
 @dataclass
@@ -77,11 +85,14 @@ class MirrorWarp:
     def between(cls, stored: StoredView, frame: mi.Matrix3f) -> MirrorWarp:
         """Make the warp from the destination's `frame`, columns x, y, v, to a stored view."""
         shift = stored.v - _column(frame, 2)
-        # The normal that mirrors v into −v_s bisects the two. It is undefined at the stored view itself, where there
-        # is only one source and its confidence cancels.
-        singular = -shift * dr.rsqrt(dr.maximum(dr.squared_norm(shift), 1e-30))
+        singular = _singular(shift)
         in_map = mi.Point2f(dr.dot(_column(frame, 0), singular), dr.dot(_column(frame, 1), singular))
         return cls(_rotation(stored, frame), stored.to_local(shift), in_map)
+
+    @staticmethod
+    def at(stored: StoredView, v: mi.Vector3f) -> PointMirrorWarp:
+        """Make the warp of normals in world coordinates, seen from `v`, to a stored view."""
+        return PointMirrorWarp(stored, v)
 
     def stored_view(self) -> mi.Vector3f:
         """Direction of the stored view in the destination's frame."""
@@ -96,17 +107,37 @@ class MirrorWarp:
 
         Its z is the cosine under which the stored view sees it. √(1 − x² − y²) would be rounding noise at the rim.
         """
-        # It bisects v_s and the mirror direction r = 2(n·v)n − v. Written as 2(n·v)n + (v_s − v), r + v_s has no
-        # cancellation and is parallel to n where the views coincide. On the rim of that view, where n·v is 0 or
-        # slightly negative by rounding, n itself remains.
-        half = dr.fma(self.rotation @ n, dr.maximum(2 * n.z, 1e-9), self.shift)
-        return half * dr.rsqrt(dr.maximum(dr.squared_norm(half), 1e-30))
+        return _bisecting(self.rotation @ n, n.z, self.shift)
 
     def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
         """See `Warp`."""
         stored, away = self.normal(n), mi.Point2f(n.x, n.y) - self.singular
-        confidence = dr.minimum(dr.norm(away) * (1 / FADE_RADIUS), 1) + LEAST_CONFIDENCE
-        return mi.Point2f(stored.x, stored.y), confidence
+        return mi.Point2f(stored.x, stored.y), _faded(dr.norm(away))
+
+
+@dataclass
+class PointMirrorWarp:
+    """`MirrorWarp` for single points, each with a view of its own.
+
+    Attributes
+    ----------
+    stored : StoredView
+        Stored view.
+    v : mi.Vector3f
+        View of each point.
+    """
+
+    stored: StoredView
+    v: mi.Vector3f
+
+    def normal(self, n: mi.Vector3f) -> mi.Vector3f:
+        """As `MirrorWarp.normal`, for normals in world coordinates."""
+        return self.stored.to_local(_bisecting(n, dr.dot(n, self.v), self.stored.v - self.v))
+
+    def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
+        """See `Warp`."""
+        stored, away = self.normal(n), dr.cross(n - _singular(self.stored.v - self.v), self.v)
+        return mi.Point2f(stored.x, stored.y), _faded(dr.norm(away))
 
 
 @dataclass
@@ -127,6 +158,11 @@ class NormalWarp:
     def between(cls, stored: StoredView, frame: mi.Matrix3f) -> NormalWarp:
         """Make the warp from the destination's `frame`, columns x, y, v, to a stored view."""
         return cls(_rotation(stored, frame))
+
+    @classmethod
+    def at(cls, stored: StoredView, v: mi.Vector3f) -> NormalWarp:  # noqa: ARG003
+        """Make the warp of normals in world coordinates to a stored view, from whatever view they are seen."""
+        return cls(from_columns(stored.x, stored.y, stored.v).T)
 
     def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
         """See `Warp`."""
@@ -157,13 +193,59 @@ class NoWarp:
         columns = [stored.to_local(transported(_column(frame, axis), v, stored.v)) for axis in range(3)]
         return cls(from_columns(*columns))
 
+    @staticmethod
+    def at(stored: StoredView, v: mi.Vector3f) -> PointNoWarp:
+        """Make the warp of normals in world coordinates, seen from `v`, to a stored view."""
+        return PointNoWarp(stored, v)
+
     def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
         """See `Warp`."""
         return disk_from_normal(self.rotation @ n), mi.Float(1)
 
 
-WARPS: dict[str, WarpBetween] = {"mirror": MirrorWarp.between, "normal": NormalWarp.between}
+@dataclass
+class PointNoWarp:
+    """`NoWarp` for single points, each with a view of its own.
+
+    Attributes
+    ----------
+    stored : StoredView
+        Stored view.
+    v : mi.Vector3f
+        View of each point.
+    """
+
+    stored: StoredView
+    v: mi.Vector3f
+
+    def __call__(self, n: mi.Vector3f) -> tuple[mi.Point2f, mi.Float]:
+        """See `Warp`."""
+        return disk_from_normal(self.stored.to_local(transported(n, self.v, self.stored.v))), mi.Float(1)
+
+
+WARPS: dict[str, WarpKind] = {"mirror": MirrorWarp, "normal": NormalWarp}
 """The paper's two warps, by the name in a material's record."""
+
+
+def _bisecting(n: mi.Vector3f, cosine: mi.Float, shift: mi.Vector3f) -> mi.Vector3f:
+    """Normal that mirrors the stored view where `n` mirrors the new one; `shift` is v_s − v, `cosine` n·v."""
+    # It bisects v_s and the mirror direction r = 2(n·v)n − v. Written as 2(n·v)n + (v_s − v), r + v_s has no
+    # cancellation and is parallel to n where the views coincide. On the rim of that view, where n·v is 0 or slightly
+    # negative by rounding, n itself remains.
+    half = dr.fma(n, dr.maximum(2 * cosine, 1e-9), shift)
+    return half * dr.rsqrt(dr.maximum(dr.squared_norm(half), 1e-30))
+
+
+def _singular(shift: mi.Vector3f) -> mi.Vector3f:
+    """Normal of the new view whose mirror direction is −v_s; `shift` is v_s − v."""
+    # It bisects v and −v_s. It is undefined at the stored view itself, where there is only one source and its
+    # confidence cancels.
+    return -shift * dr.rsqrt(dr.maximum(dr.squared_norm(shift), 1e-30))
+
+
+def _faded(away: mi.Float) -> mi.Float:
+    """Confidence at a distance from the singularity [radii of the disk]."""
+    return dr.minimum(away * (1 / FADE_RADIUS), 1) + LEAST_CONFIDENCE
 
 
 def _rotation(stored: StoredView, frame: mi.Matrix3f) -> mi.Matrix3f:

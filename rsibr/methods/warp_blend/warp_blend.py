@@ -23,7 +23,7 @@ from rsibr.methods.protocol import FREE, Cost
 from rsibr.methods.warp_blend.blend import Mix, Mixture
 from rsibr.methods.warp_blend.disk_mesh import DiskMesh, MeshWarp
 from rsibr.methods.warp_blend.source_maps import SourceMaps
-from rsibr.methods.warp_blend.warp import LEAST_CONFIDENCE, Warp, WarpBetween
+from rsibr.methods.warp_blend.warp import LEAST_CONFIDENCE, Warp, WarpKind
 
 
 @dataclass(eq=False, repr=False)
@@ -40,8 +40,8 @@ class WarpBlend:
         Stored maps.
     mix : Mix
         Selects the stored views of a new view, with weights.
-    warp : WarpBetween
-        Warp to each of them.
+    warp : WarpKind
+        Kind of the warp to each of them.
     cost : Cost
         Cost before the first lookup. Not a field of the dataclass, because a change of it would make a new recording
         of the kernels.
@@ -51,7 +51,7 @@ class WarpBlend:
     viewpoints: Viewpoints
     sources: SourceMaps
     mix: Mix
-    warp: WarpBetween
+    warp: WarpKind
     _sphere: Sphere = field(init=False, repr=False)
     _frozen: Frozen = field(init=False, repr=False)
 
@@ -66,10 +66,8 @@ class WarpBlend:
     @backend.in_session
     def eval(self, n: mi.Vector3f, v: mi.Vector3f) -> mi.Color3f:
         """Radiance toward `v` from surfaces with normal `n`; see `Method.eval`."""
-        frame = frame_of(v)
-        mixture, warps = self._toward(frame)
-        local = frame.T @ n
-        return blended(self.sources, mixture, [warp(local) for warp in warps])
+        mixture, warps = self._toward_points(v)
+        return blended(self.sources, mixture, [warp(n) for warp in warps])
 
     @backend.in_session
     def map(self, frame: NDArray[np.float64], resolution: int) -> mi.TensorXf:
@@ -105,7 +103,12 @@ class WarpBlend:
     def _toward(self, frame: mi.Matrix3f) -> tuple[Mixture, Sequence[Warp]]:
         """Sources of the view of `frame`, and the warps to them."""
         mixture = self.mix(self._sphere, self.sources, view_of(frame))
-        return mixture, [self.warp(stored, frame) for stored in mixture.views]
+        return mixture, [self.warp.between(stored, frame) for stored in mixture.views]
+
+    def _toward_points(self, v: mi.Vector3f) -> tuple[Mixture, Sequence[Warp]]:
+        """Sources of views in world coordinates, one a lane, and the warps to them."""
+        mixture = self.mix(self._sphere, self.sources, v)
+        return mixture, [self.warp.at(stored, v) for stored in mixture.views]
 
     def _texels(self, texel: mi.UInt32, resolution: int, mixture: Mixture, warps: Sequence[Warp]) -> mi.Vector4f:
         def shaded(n: mi.Vector3f) -> mi.Vector4f:

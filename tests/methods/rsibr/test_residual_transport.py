@@ -41,7 +41,7 @@ def modelled(kind, light):
     frames = [view_frame(d) for d in views.directions]
     stored = [mirror_sphere(frame, N) for frame in frames]
     stack = EnvironmentPyramid.of(light)
-    common = ("test", views, maps(stored, frames), triangle_mix(gnomonic_weights), MirrorWarp.between)
+    common = ("test", views, maps(stored, frames), triangle_mix(gnomonic_weights), MirrorWarp)
     fidelity = {"rsibr": FAST, "rsibr-fine": FINE}[kind]
     made = Rsibr(
         *common,
@@ -121,7 +121,7 @@ def carry(values, weights, theres, here, damped=True):
     views = [sources.view(mi.UInt32(i)) for i in range(len(values))]
     mixture = Mixture(views, [mi.Float(w) for w in weights])
     n = vector([[np.sqrt(1 - here**2), 0, here]])
-    return to_numpy(warped_residual(sources, mixture, [fixed(there) for there in theres], n, damped))[0, 0]
+    return to_numpy(warped_residual(sources, mixture, [fixed(there) for there in theres], n, n.z, damped))[0, 0]
 
 
 def test_views_that_see_the_surface_alike_are_blended_by_weight():

@@ -21,7 +21,6 @@ from rsibr.methods.warp_blend.lobe_warp import (
     LobeGroup,
     LobeMaps,
     LobeWarpMethod,
-    LobeWarps,
     _footprint_corrected,
 )
 from rsibr.methods.warp_blend.source_maps import SourceMaps
@@ -54,7 +53,7 @@ def lobed(spheres, resolution=N, corrections=None):
         table = np.repeat(albedo(node_cosines())[:, None], 3, axis=1)
         lobes.append(LobeMaps.of(sources, alpha, table))
     mix = triangle_mix(gnomonic_weights)
-    common = ("rsibr", views, lobes[0].sources, mix, LobeWarps.between)
+    common = ("rsibr", views, lobes[0].sources, mix, MirrorWarp)
     groups = [LobeGroup(views.on_device, lobes)]
     return LobeWarpMethod(*common, groups=groups, corrections=corrections or Corrections())
 

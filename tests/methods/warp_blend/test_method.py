@@ -17,9 +17,10 @@ from tests.methods.scene import image, inside, matte_sphere, method, mirror_sphe
 
 N = 64
 METHODS = {
-    "nearest": {"mix": nearest_mix, "warp": NoWarp.between},
-    "blend": {"warp": NoWarp.between},
+    "nearest": {"mix": nearest_mix, "warp": NoWarp},
+    "blend": {"warp": NoWarp},
     "cabral1999": {},
+    "normal": {"warp": NormalWarp},
     "gnomonic": {"mix": triangle_mix(gnomonic_weights)},
     "mesh": {"kind": MeshWarpBlend},
 }
@@ -38,7 +39,7 @@ def test_mirror_warp_reconstructs_a_mirror(view):
 @pytest.mark.parametrize("view", VIEWS)
 def test_normal_warp_reconstructs_what_depends_on_the_normal(view):
     frame = view_frame(view)
-    error = np.abs(image(method(matte_sphere, warp=NormalWarp.between), frame, N) - matte_sphere(frame, N))
+    error = np.abs(image(method(matte_sphere, warp=NormalWarp), frame, N) - matte_sphere(frame, N))
     assert error[inside(N, 0.9)].max() < 0.01
     assert error[inside(N)].max() < 0.05
 
@@ -175,7 +176,7 @@ def test_mesh_converges_to_the_exact_warp():
             views,
             sources,
             triangle_mix(area_weights),
-            MirrorWarp.between,
+            MirrorWarp,
             DiskMesh(rings, 3 * rings),
         )
         errors.append(np.abs(image(made, frame, N) - exact)[inside(N, 0.9)].mean())
