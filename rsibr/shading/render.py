@@ -18,6 +18,7 @@ from rsibr.methods.job import maps_memory
 from rsibr.progress import Job
 from rsibr.shading.cameras.camera import Camera
 from rsibr.shading.cameras.camera_choice import chosen_camera
+from rsibr.shading.cameras.outside_views import outside_notes
 from rsibr.shading.cameras.view_check import view_notes
 from rsibr.shading.path_traced import path_traced_rest, unbaked_refusal
 from rsibr.shading.pictures.picture import Picture
@@ -137,7 +138,9 @@ class RenderJob:
                 rest = path_traced_rest(self.scene, self.renderer.types, self.bakes, camera, count, seed)
                 made = with_rest(made, *rest)
             seen = view_notes(made, self.scene, camera, is_single=is_single)
-        return replace(made, notes=tuple(dict.fromkeys((*self.notes, *seen, *made.notes))))
+            stored = [bake.viewpoints for bake in self.bakes.values()]
+            outside = outside_notes(self.scene, self.renderer.types, stored, camera)
+        return replace(made, notes=tuple(dict.fromkeys((*self.notes, *seen, *outside, *made.notes))))
 
     def origin(self, camera: Camera) -> Origin:
         """What a picture of a camera is made of, for its header."""

@@ -114,3 +114,54 @@ def test_a_raw_file_without_the_package_says_what_to_install(tmp_path, monkeypat
 def test_an_exposure_is_positive(wrong):
     with pytest.raises(InputError, match="positive"):
         Exposure(wrong)
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_a_written_photograph_holds_pixels_and_exposure(tmp_path, rng, bits):
+    stored = rng.integers(0, 2**bits, (4, 6, 3)).astype(np.uint8 if bits == 8 else np.uint16)
+    write_photograph(tmp_path / "one.png", stored, Exposure(1 / 250, 5.6, 400))
+    found = read_photograph(tmp_path / "one.png")
+    assert found.exposure is not None
+    assert [*found.exposure.to_record().values()] == pytest.approx([1 / 250, 5.6, 400])
+    assert np.array_equal(np.rint(found.values * found.levels), stored)
+    Image.open(tmp_path / "one.png").verify()  # the sums of all chunks
+
+
+def _jpeg(picture, **options):
+    stream = io.BytesIO()
+    Image.fromarray(picture).save(stream, "jpeg", **options)
+    return stream.getvalue()
+
+
+@pytest.fixture
+def large(rng):
+    return cv2.GaussianBlur(rng.integers(0, 256, (64, 96, 3)).astype(np.uint8), (0, 0), 2)
+
+
+@pytest.mark.parametrize("progressive", [False, True])
+def test_a_sound_jpeg_is_read_whatever_follows_its_end(tmp_path, large, progressive):
+    data = _jpeg(large, progressive=progressive)
+    for content in (data, data + b"what a telephone appends"):
+        (tmp_path / "one.jpg").write_bytes(content)
+        expected = np.asarray(Image.open(io.BytesIO(data)))
+        assert np.abs(read_photograph(tmp_path / "one.jpg").values * 255 - expected).max() <= 3
+
+
+@pytest.mark.parametrize("progressive", [False, True])
+@pytest.mark.parametrize("share", [0.3, 0.7, 0.999])
+def test_a_jpeg_without_its_end_is_refused(tmp_path, large, share, progressive):
+    thumbnail = Image.Exif()
+    thumbnail[0x010E] = "\xff\xd9"  # an end marker in the header is none of the picture
+    data = _jpeg(large, progressive=progressive, exif=thumbnail)
+    (tmp_path / "one.jpg").write_bytes(data[: int(share * len(data))])
+    with pytest.raises(InputError, match=r"one.jpg: is cut short"):
+        read_photograph(tmp_path / "one.jpg")
+
+
+def test_a_jpeg_whose_decoder_warns_is_refused(tmp_path, large, capfd):
+    data = _jpeg(large)
+    middle = (data.index(b"\xff\xda") + len(data)) // 2
+    (tmp_path / "one.jpg").write_bytes(data[:middle] + data[-2:])  # half the blocks, and an end marker
+    with pytest.raises(InputError, match=r"one.jpg: is damaged: Corrupt JPEG data"):
+        read_photograph(tmp_path / "one.jpg")
+    assert capfd.readouterr().err == ""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rsibr.capture.photographs.exif import exif_of
 from rsibr.capture.photographs.exposure import Exposure
+from rsibr.capture.photographs.jpeg_check import complaints, is_cut_short, is_jpeg
 from rsibr.errors import InputError, MachineError
 from rsibr.regular_file import NotRegularError, read_regular
 from rsibr.scene.panorama.rec709 import rec709_picture
@@ -76,7 +77,7 @@ def read_photograph(path: Path | str) -> Photograph:
     Raises
     ------
     InputError
-        If there is no such file, it is no picture, or it is too large.
+        If there is no such file, it is no picture, it is too large, or it is a JPEG whose decoder tells of damage.
     MachineError
         If the package that reads it is not installed.
     """
@@ -104,12 +105,7 @@ def _content(path: Path) -> bytes:
 
 def _decoded(data: bytes, where: str) -> tuple[NDArray[np.float32], int]:
     """R, G, B in [0, 1] and the largest integer of a PNG, JPEG or TIFF."""
-    cv2 = opencv()
-    try:
-        # The orientation is applied by `_upright`: this flag would leave 16 bits out
-        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
-    except cv2.error as error:
-        raise InputError(f"cannot be decoded: {error.err}", where=where, fix=f"give {_KNOWN}") from error
+    picture = _sound_jpeg(data, where) if is_jpeg(data) else _picture(data, where)
     if picture is None:
         raise InputError("is no picture that can be decoded", where=where, fix=f"give {_KNOWN}")
     if picture.ndim == 2:
@@ -124,6 +120,27 @@ def _decoded(data: bytes, where: str) -> tuple[NDArray[np.float32], int]:
         raise InputError(what, where=where, fix="save it with 8 or 16 bits, or as OpenEXR")
     levels = int(np.iinfo(picture.dtype).max)
     return np.ascontiguousarray(colours, dtype=np.float32) / np.float32(levels), levels
+
+
+def _picture(data: bytes, where: str) -> Any:
+    """What OpenCV makes of a file; None if it is no picture."""
+    cv2 = opencv()
+    try:
+        # The orientation is applied by `_upright`: this flag would leave 16 bits out
+        return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+    except cv2.error as error:
+        raise InputError(f"cannot be decoded: {error.err}", where=where, fix=f"give {_KNOWN}") from error
+
+
+def _sound_jpeg(data: bytes, where: str) -> Any:
+    """Decode a JPEG; an InputError if the decoder had to guess."""
+    if is_cut_short(data):
+        raise InputError("is cut short: its end marker is missing", where=where, fix="copy it from the camera again")
+    with complaints() as found:
+        picture = _picture(data, where)
+    if found:
+        raise InputError(f"is damaged: {found[0]}", where=where, fix="copy it from the camera again")
+    return picture
 
 
 _TURNS: dict[int, Callable[[NDArray[np.float32]], NDArray[np.float32]]] = {

@@ -10,7 +10,8 @@ import pytest
 from rsibr.geometry.frame import view_frame
 from rsibr.geometry.projections.sphere_map import stored_coverage
 from rsibr.store.map_file import MapFile
-from rsibr.validation.health.photographs.judgement import judged
+from rsibr.validation.health.photographs.judgement import _untold, judged
+from rsibr.validation.health.photographs.registration import Agreement
 from tests.capture.maps.mirror_maps import mirror_map, turned, uneven
 
 COUNT, WRONG = 10, 4
@@ -82,3 +83,26 @@ def test_where_nothing_is_in_common_poses_are_not_judged(sound):
     found = judged(plain, NAMES, "reflection")
     assert found.suspects == ()
     assert "too little detail" in found.note
+
+
+def _agreeing(*pairs):
+    return [Agreement(degrees, error, 0.9) for degrees, error in pairs]
+
+
+def test_of_which_photographs_a_wrong_pose_cannot_be_told_is_said():
+    names = ["a", "b", "c", "d"]
+    sharp = _agreeing((0.1, 0.05), (0.1, 0.05), (0.1, 0.05), (0.1, 0.05))
+    assert _untold(sharp, set(), names) == ""
+    one_blurred = [*sharp[:2], *_agreeing((0.1, 0.4)), sharp[3]]
+    assert _untold(one_blurred, set(), names) == (
+        "a pose off by 2° cannot be told of c: too little detail agrees with the others"
+    )
+    assert _untold(one_blurred, {2}, names) == ""
+    all_blurred = _agreeing((0.1, 0.5), (0.1, 0.3), (0.1, 0.5), (9, 0.5))
+    assert _untold(all_blurred, {3}, names) == (
+        "poses that are off by 2° cannot be told: too little detail agrees; only from 2.4° on"
+    )
+
+
+def test_sound_maps_with_detail_are_judged_without_a_note(sound):
+    assert judged(sound, NAMES, "reflection").note == ""

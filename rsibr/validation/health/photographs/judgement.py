@@ -31,9 +31,14 @@ standard errors than these, and by more times the median of all maps: rough pain
 ALIKE = 0.4
 """Median correlation of the maps with the others below which poses cannot be judged: too little detail."""
 
+TOLD = 2.0
+"""Rotation [degrees] of a pose that should be found; where the limits above exceed it, that is said."""
+
 _BETTER = 0.25  # of the correlation, by which another orientation must fit better
 _DOUBTED = 0.75  # times the median correlation, below which other orientations are tried
 _STRANGE = 0.5  # times the median correlation, below which a map shows something else
+
+_NAMED = 6  # maps that a note names
 
 _TURNS: dict[str, Array] = {
     "upside down": -np.eye(2),
@@ -104,7 +109,8 @@ def judged(maps: Sequence[MapFile], names: Sequence[str], common: Common) -> Jud
     The limits were set on photographs that Mitsuba took of ten paints under four skies, from 12 to 16 directions, 10 to
     50 radii away: so that none of the sound ones was accused, and each that was upside down or misexposed by a stop was
     found. A pose that is off by 2° is found less surely of a clear coat over a matte base and of rough metal,
-    whose maps look alike over larger angles. The error of novel views does not see these faults.
+    whose maps look alike over larger angles; where it would not be, the note says so. The error of novel views does
+    not see these faults.
     """
     if len(maps) < LEAST_VIEWS:
         return Judgement((), f"photographs are judged by the others from {LEAST_VIEWS} on; there are {len(maps)}")
@@ -122,7 +128,8 @@ def judged(maps: Sequence[MapFile], names: Sequence[str], common: Common) -> Jud
     turned = _wrongly_turned(seen, images, maps, names, common, agreements)
     accused = {one.view for one in turned}
     moved = [one for one in _misposed(agreements, names, typical) if one.view not in accused]
-    return Judgement(tuple(sorted([*suspects, *turned, *moved], key=lambda one: one.view)), "")
+    found = sorted([*suspects, *turned, *moved], key=lambda one: one.view)
+    return Judgement(tuple(found), _untold(agreements, {one.view for one in found}, names))
 
 
 def _misexposed(stops: Array, names: Sequence[str]) -> list[Suspect]:
@@ -162,13 +169,33 @@ def _wrongly_turned(
 
 
 def _misposed(agreements: Sequence[Agreement], names: Sequence[str], typical: float) -> list[Suspect]:
-    usual = float(np.median([one.degrees for one in agreements]))
+    limits = _limits(agreements)
     found = []
-    for view, one in enumerate(agreements):
-        if one.degrees > max(DEGREES, TYPICAL * usual) and one.degrees > ERRORS * one.error:
+    for view, (one, limit) in enumerate(zip(agreements, limits, strict=True)):
+        if one.degrees > limit:
             what = f"fits the others rotated by {one.degrees:.1f}°: its pose is wrong"
             found.append(Suspect(view, names[view], "pose", what, one.degrees))
         elif one.correlation < _STRANGE * typical:
             what = f"shows something else than the others (correlation {one.correlation:.2f})"
             found.append(Suspect(view, names[view], "content", what, one.correlation))
     return found
+
+
+def _limits(agreements: Sequence[Agreement]) -> list[float]:
+    """Rotation [degrees] of each map beyond which its pose is wrong."""
+    usual = float(np.median([one.degrees for one in agreements]))
+    return [max(DEGREES, TYPICAL * usual, ERRORS * one.error) for one in agreements]
+
+
+def _untold(agreements: Sequence[Agreement], accused: set[int], names: Sequence[str]) -> str:
+    """Note on the maps, among those not accused, of which a pose that is off by `TOLD` would not be told."""
+    limits = {view: limit for view, limit in enumerate(_limits(agreements)) if view not in accused and limit > TOLD}
+    if not limits:
+        return ""
+    least = min(limits.values())
+    if len(limits) + len(accused) == len(agreements):
+        beyond = f"; only from {least:.1f}° on" if np.isfinite(least) else ""
+        return f"poses that are off by {TOLD:g}° cannot be told: too little detail agrees{beyond}"
+    shown = ", ".join(names[view] for view in list(limits)[:_NAMED])
+    more = f" and {len(limits) - _NAMED} more" if len(limits) > _NAMED else ""
+    return f"a pose off by {TOLD:g}° cannot be told of {shown}{more}: too little detail agrees with the others"
