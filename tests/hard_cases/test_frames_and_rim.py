@@ -103,7 +103,7 @@ def test_hc10_stored_maps_may_be_rolled(name):
     rolled = WarpBlend("rolled", views, sources, options["mix"], options["warp"])
     upright = method(resolution=resolution, **METHODS[name])
     within = inside(resolution, 0.9)
-    assert np.abs(image(rolled, frame, resolution) - image(upright, frame, resolution))[within].max() < 0.005
+    assert np.abs(image(rolled, frame, resolution) - image(upright, frame, resolution))[within].max() < 0.007
 
 
 @pytest.mark.parametrize("name", [name for name in EXACT if name != "nearest"])  # two views are equally near a pole
