@@ -92,7 +92,7 @@ def test_frames_may_be_rolled_about_their_views(view, angle, rolls, name):
     Rolled maps are sampled at other places, so that the two agree to the bilinear lookup of a smooth sky; a quarter
     turn samples the same places and agrees to 1e-4.
     """
-    sphere = {"blend": matte_sphere}.get(name, mirror_sphere)
+    sphere = {"blend": matte_sphere, "normal": matte_sphere}.get(name, mirror_sphere)
     frame = view_frame(view)
     plain = image(made(spheres(sphere), name=name), frame, N)
     rolled_frames = np.stack([turned_about(f, roll) for f, roll in zip(FRAMES, rolls, strict=True)])
