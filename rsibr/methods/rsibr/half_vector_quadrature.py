@@ -19,6 +19,7 @@ from rsibr.lobes.microfacet import schlick
 from rsibr.lobes.shape_fit import coated_gaussian, gaussian
 from rsibr.methods.lobe_terms import GaussianTerm, resampled
 from rsibr.methods.rsibr.half_vector_pyramid import lookup_variances
+from rsibr.methods.rsibr.polar_grid import RINGS
 
 Array = NDArray[np.float64]
 
@@ -38,11 +39,11 @@ class HalfVectorQuadrature:
 
     Attributes
     ----------
-    places : ndarray, shape (rings + 1, points, 2)
+    places : ndarray, shape (RINGS + 1, points, 2)
         Places in the half-vector map for the normal at azimuth 0.
-    levels : ndarray of int, shape (rings + 1, points)
+    levels : ndarray of int, shape (RINGS + 1, points)
         Level of the half-vector pyramid.
-    weights : ndarray, shape (rings + 1, points, 3)
+    weights : ndarray, shape (RINGS + 1, points, 3)
         Weights, ≥ 0; they add up to 1 in each channel of a ring.
     """
 
@@ -52,7 +53,7 @@ class HalfVectorQuadrature:
 
     @classmethod
     def of(
-        cls, terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], resolution: int, points: int, rings: int
+        cls, terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], resolution: int, points: int
     ) -> HalfVectorQuadrature | None:
         """Place the points for the wide ones of `terms`, with the shares of `parts`; None if they have none.
 
@@ -65,14 +66,12 @@ class HalfVectorQuadrature:
             Texels a side of level 0 of the half-vector pyramid.
         points : int
             Points a ring.
-        rings : int
-            Rings of the polar grid.
         """
         if not any(part.share.any() for part in parts):
             return None
-        polar = np.arange(rings + 1) * (0.5 * np.pi / rings)
-        found = [_ring(terms, parts, float(np.cos(angle)), resolution, points) for angle in polar]
-        places, levels, weights = (np.stack(column) for column in zip(*found, strict=True))
+        polar = np.arange(RINGS + 1) * (0.5 * np.pi / RINGS)
+        rings = [_ring(terms, parts, float(np.cos(angle)), resolution, points) for angle in polar]
+        places, levels, weights = (np.stack(column) for column in zip(*rings, strict=True))
         return cls(places, levels, weights)
 
 

@@ -20,7 +20,7 @@ from rsibr.methods.cosine_table import CosineTable
 from rsibr.methods.lobe_terms import GaussianTerm
 from rsibr.methods.rsibr.half_vector_pyramid import RESOLUTION, HalfVectorPyramid, level_places
 from rsibr.methods.rsibr.half_vector_quadrature import HalfVectorQuadrature
-from rsibr.methods.rsibr.polar_grid import FOR_MAPS, PolarGrid, PolarSize
+from rsibr.methods.rsibr.polar_grid import NODES, SECTORS, PolarGrid
 
 Array = NDArray[np.float64]
 
@@ -38,8 +38,6 @@ class WideTables:
     ----------
     quadrature : HalfVectorQuadrature
         Points at each ring of the polar grid.
-    size : PolarSize
-        Size of the polar grid.
     resolution : int
         Texels a side of level 0 of the half-vector pyramid.
     share : ndarray, shape (NODES, 3)
@@ -47,27 +45,21 @@ class WideTables:
     """
 
     quadrature: HalfVectorQuadrature
-    size: PolarSize
     resolution: int
     share: Array
 
     @classmethod
     def of(
-        cls,
-        terms: Sequence[GaussianTerm],
-        parts: Sequence[GaussianTerm],
-        resolution: int,
-        points: int,
-        size: PolarSize = FOR_MAPS,
+        cls, terms: Sequence[GaussianTerm], parts: Sequence[GaussianTerm], resolution: int, points: int
     ) -> WideTables | None:
         """Place the points for the wide ones of `terms`; parameters and result as of `HalfVectorQuadrature.of`."""
         members = [(term, part) for term, part in zip(terms, parts, strict=True) if term.is_wide]
         quadrature = HalfVectorQuadrature.of(
-            [term for term, _ in members], [part for _, part in members], resolution, points, size.rings
+            [term for term, _ in members], [part for _, part in members], resolution, points
         )
         if quadrature is None:
             return None
-        return cls(quadrature, size, resolution, cast("Array", sum(part.share for _, part in members)))
+        return cls(quadrature, resolution, cast("Array", sum(part.share for _, part in members)))
 
 
 @dataclass(eq=False)
@@ -83,14 +75,11 @@ class WideLight:
         Points a ring (opaque).
     share : CosineTable
         Share of the wide Gaussians in the albedo by cos θ.
-    size : PolarSize
-        Size of the polar grid.
     """
 
     points: mi.Float
     count: mi.UInt32
     share: CosineTable
-    size: PolarSize
 
     @classmethod
     def of(
@@ -99,10 +88,9 @@ class WideLight:
         parts: Sequence[GaussianTerm],
         resolution: int = RESOLUTION,
         points: int = POINTS,
-        size: PolarSize = FOR_MAPS,
     ) -> WideLight | None:
         """Put the wide ones of `terms` on the device; None if there are none; see `HalfVectorQuadrature.of`."""
-        tables = WideTables.of(terms, parts, resolution, points, size)
+        tables = WideTables.of(terms, parts, resolution, points)
         return None if tables is None else cls.from_tables(tables)
 
     @classmethod
@@ -115,16 +103,15 @@ class WideLight:
         starts, sides = (np.array(column) for column in level_places(tables.resolution))
         rows[..., 0, 2], rows[..., 0, 3] = starts[quadrature.levels], sides[quadrature.levels]
         points = to_device(mi.Float, rows.astype(np.float32))
-        return cls(points, dr.opaque(mi.UInt32, count), CosineTable.of(tables.share), tables.size)
+        return cls(points, dr.opaque(mi.UInt32, count), CosineTable.of(tables.share))
 
     def grid(self, pyramid: HalfVectorPyramid) -> PolarGrid:
         """Mean light [W sr⁻¹ m⁻²] of the wide Gaussians at the nodes of a polar grid over the map of `pyramid`."""
         # ---- A lane sums every _STRIDE-th point of a node: one a node would keep a single thread busy ----
-        lanes, sectors = self.size.nodes * _STRIDE, self.size.sectors
-        lane = dr.arange(mi.UInt32, lanes)
+        lane = dr.arange(mi.UInt32, NODES * _STRIDE)
         node = lane // _STRIDE
-        first = node // sectors * self.count
-        sine, cosine = dr.sincos(mi.Float(node % sectors) * (2 * np.pi / sectors))
+        first = node // SECTORS * self.count
+        sine, cosine = dr.sincos(mi.Float(node % SECTORS) * (2 * np.pi / SECTORS))
 
         def gather(k: mi.UInt32, light: mi.Color3f) -> tuple[mi.UInt32, mi.Color3f]:
             place, weight = (dr.gather(mi.Vector4f, self.points, 2 * (first + k) + row) for row in range(2))
@@ -133,14 +120,14 @@ class WideLight:
             return k + _STRIDE, light + mi.Color3f(weight.x, weight.y, weight.z) * found
 
         _, light = dr.while_loop(
-            state=(lane % _STRIDE, dr.zeros(mi.Color3f, lanes)),
+            state=(lane % _STRIDE, dr.zeros(mi.Color3f, NODES * _STRIDE)),
             cond=lambda k, _light: k < self.count,
             body=gather,
             labels=("k", "light"),
             label="wide_gaussians",
         )
         dr.eval(light)  # once, not for each channel
-        return PolarGrid.of(mi.Color3f(*(dr.block_sum(channel, _STRIDE) for channel in light)), self.size)
+        return PolarGrid.of(mi.Color3f(*(dr.block_sum(channel, _STRIDE) for channel in light)))
 
     def radiance(self, n: mi.Vector3f, grid: PolarGrid) -> mi.Color3f:
         """Reflected radiance [W sr⁻¹ m⁻²] at normals in the map's frame, from `grid`."""

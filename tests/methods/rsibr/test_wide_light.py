@@ -10,7 +10,7 @@ from rsibr.lobes.albedo import node_cosines
 from rsibr.methods.lobe_terms import LobeTerms
 from rsibr.methods.rsibr.half_vector_pyramid import HalfVectorPyramid
 from rsibr.methods.rsibr.half_vector_quadrature import HalfVectorQuadrature
-from rsibr.methods.rsibr.polar_grid import FOR_POINTS, PolarGrid
+from rsibr.methods.rsibr.polar_grid import RINGS, SECTORS, PolarGrid
 from rsibr.methods.rsibr.wide_light import WideLight
 from tests.arrays import to_numpy
 from tests.light.test_environment_pyramid import picture
@@ -23,7 +23,6 @@ AT = np.array([0, 8, 16, 21, 23])
 """Rings: 0°, 30°, 60°, 79° and 86° for 24 rings."""
 
 G, POINTS = 96, 224
-RINGS, SECTORS = FOR_POINTS.rings, FOR_POINTS.sectors
 
 
 @pytest.fixture(scope="module")
@@ -37,14 +36,14 @@ def terms(shape):
 
 def gathered(shape, light, resolution=G, points=POINTS):
     """Mean light at all nodes, (RINGS + 1, SECTORS, 3)."""
-    wide = WideLight.of(terms(shape), terms(shape), resolution, points, FOR_POINTS)
+    wide = WideLight.of(terms(shape), terms(shape), resolution, points)
     grid = wide.grid(HalfVectorPyramid.of(mi.Matrix3f(FRAME.astype(np.float32)), light, resolution))
     return grid.nodes.numpy().reshape(RINGS + 1, SECTORS, 4)[..., :3]
 
 
 def exact(brdf, nodes, sky=soft_sky, rows=200):
     """Mean light over a kernel at nodes of the rings `AT`, each at one azimuth."""
-    normals = to_numpy(PolarGrid.normals(FOR_POINTS)).T.reshape(RINGS + 1, SECTORS, 3)[AT, nodes]
+    normals = to_numpy(PolarGrid.normals()).T.reshape(RINGS + 1, SECTORS, 3)[AT, nodes]
     polar = np.arccos(np.clip(normals[:, 2], 0, 1))
     normals[0] = [1e-3, 0, 1]  # head-on has no plane of incidence
     assert polar == pytest.approx(AT * np.pi / 2 / RINGS, abs=1e-3)
@@ -107,7 +106,7 @@ def test_more_points_come_nearer(light):
 @pytest.mark.parametrize("shape", [lambda: ggx(0.3), lambda: one_gaussian(0.3, under_coat=True)], ids=["ggx", "coated"])
 def test_weights_of_a_ring_add_up_to_one(shape):
     wide = [term for term in terms(shape()) if term.is_wide]
-    made = HalfVectorQuadrature.of(wide, wide, G, POINTS, RINGS)
+    made = HalfVectorQuadrature.of(wide, wide, G, POINTS)
     assert made.weights.sum(axis=1) == pytest.approx(np.ones((RINGS + 1, 3)), rel=1e-12)
     assert (made.weights >= 0).all()
     assert np.hypot(*np.moveaxis(made.places, -1, 0)).max() <= 1
@@ -116,14 +115,14 @@ def test_weights_of_a_ring_add_up_to_one(shape):
 def test_points_of_a_part_are_those_of_the_whole():
     lobes = [(ggx(0.3), ONE), (one_gaussian(0.3, under_coat=True), 0.2 * ONE)]
     wholes = [term for term in LobeTerms.of(lobes).gaussians if term.is_wide]
-    made = HalfVectorQuadrature.of(wholes, wholes, G, POINTS, RINGS)
+    made = HalfVectorQuadrature.of(wholes, wholes, G, POINTS)
     for shape, _ in lobes:
         parts = [term for term in LobeTerms.of(lobes, shape).gaussians if term.is_wide]
-        part = HalfVectorQuadrature.of(wholes, parts, G, POINTS, RINGS)
+        part = HalfVectorQuadrature.of(wholes, parts, G, POINTS)
         rows = {tuple(row) for row in made.places[8]}
         assert {tuple(row) for row in part.places[8]} <= rows
     nothing = [term for term in LobeTerms.of(lobes, one_gaussian(0.2)).gaussians if term.is_wide]
-    assert HalfVectorQuadrature.of(wholes, nothing, G, POINTS, RINGS) is None
+    assert HalfVectorQuadrature.of(wholes, nothing, G, POINTS) is None
 
 
 def test_there_is_nothing_to_gather_without_wide_gaussians():
